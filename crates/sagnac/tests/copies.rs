@@ -27,7 +27,7 @@ fn copies_of_rates_and_of_running_totals_are_refused() {
         // Steps summed to a total: the same rows but the first.
         let mut bench = Bench::new(seed, &usual);
         bench.hours = Some(4.0);
-        let log = bench.log();
+        let log = bench.log().csv();
         let unit = fit(vec![log.clone()], &Bench::setup(), "bias 1").unwrap();
         let total = std::cell::Cell::new(0.0);
         let summed = edited(&log, HEAD, |_, [t, c, n]| {
@@ -43,7 +43,7 @@ fn copies_of_rates_and_of_running_totals_are_refused() {
 #[test]
 fn a_copy_of_a_retest_is_no_other_run() {
     let setup = Bench::setup();
-    let four_hours = |seed: u64| Bench { hours: Some(4.0), ..Bench::new(seed, &usual) }.log();
+    let four_hours = |seed: u64| Bench { hours: Some(4.0), ..Bench::new(seed, &usual) }.log().csv();
     let unit = fit(vec![four_hours(1)], &setup, "bias 1").unwrap();
     let correction = Correction::from_calibration(unit).unwrap();
     let log = four_hours(2);

@@ -66,7 +66,7 @@ fn a_given_model_that_does_not_fit_is_refused_by_name() {
     let slow = Setup { tick_s: Some(1.0), ..counts.clone() };
     let bench = Bench { quantum_arcsec: 0.1, ..Bench::new(1, &strong) };
     refused(
-        vec![bench.log()],
+        vec![bench.log().csv()],
         &slow,
         "bias 1",
         &["axis x", "the term `bias 1` reaches", "819.2 °/h", "a tick_s of 0.4"],

@@ -1,7 +1,7 @@
 //! One test in many files is one run.
 
 use crate::hostile::Bench;
-use crate::measured::verify::many_files::{readers, split, strong};
+use crate::measured::verify::many_files::{readers, strong};
 use crate::support::{fit, model};
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::window::WindowBuilder;
@@ -15,7 +15,7 @@ fn hourly_files_are_one_run() {
         let log = Bench::new(seed, &strong).log();
         let whole = fit(vec![log.clone()], &setup, "bias 3").unwrap();
         for rows in [720, 100] {
-            let files = readers(split(&log, rows), &setup);
+            let files = readers(log.chunks(rows), &setup);
             let count = files.len();
             let windows = WindowBuilder::read_all(files, &setup).unwrap().finish();
             assert_eq!((windows.runs.len(), windows.runs[0].files.len()), (1, count));

@@ -7,6 +7,7 @@ use sagnac::fit::UnitPrior;
 use sagnac::fleet::{Prior, PriorFile, Recipe, Unit, Work, calibrate, results_in};
 
 use super::{Bench, Dice, Now};
+use crate::support::rows::Rows;
 
 /// A gyro: coefficients of u, u², u³ and of Ṫ, Ṫ·u, °/h and °/h per °C/min, and the lag of Ṫ, s.
 #[derive(Clone, Copy)]
@@ -47,7 +48,7 @@ impl Gyro {
         self.curve(now.celsius) + (self.rate[0] + self.rate[1] * now.u()) * now.lagged_cpm
     }
 
-    pub(crate) fn log(self, seed: u64, change: impl Fn(&mut Bench<'_>)) -> Vec<u8> {
+    pub(crate) fn log(self, seed: u64, change: impl Fn(&mut Bench<'_>)) -> Rows<3> {
         let drift = |now: Now| self.drift(now);
         let mut bench = Bench::new(seed, &drift);
         (bench.rate_lag_s, bench.row_s) = (self.lag_s, 20.0);
@@ -90,7 +91,7 @@ impl Fleet {
         std::fs::create_dir_all(&folder).unwrap();
         let unit = |(at, gyro): (usize, &Gyro)| {
             let path = folder.join(format!("{at}.csv"));
-            std::fs::write(&path, gyro.log(seed * 10_000 + at as u64, noise)).unwrap();
+            std::fs::write(&path, gyro.log(seed * 10_000 + at as u64, noise).csv()).unwrap();
             let mut unit = Unit::default();
             (unit.name, unit.lot, unit.runs) = (format!("RLG-{at}"), format!("lot {}", at % lots.len()), vec![path]);
             unit

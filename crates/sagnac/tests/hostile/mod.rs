@@ -13,11 +13,10 @@ pub(crate) mod planned;
 pub(crate) mod stopped;
 pub(crate) mod table;
 
-use std::fmt::Write as _;
-
 use sagnac_log::setup::Setup;
 
 use crate::support::evidence::Records;
+use crate::support::rows::{Rows, to_decimals};
 
 /// Angle of a count, arcsec.
 pub(crate) const QUANTUM_ARCSEC: f64 = 0.15125;
@@ -229,9 +228,9 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// The log as CSV of counts; `disturb` adds °/h by hours of test.
-    pub(crate) fn log_with(&self, disturb: &dyn Fn(f64) -> f64) -> Vec<u8> {
-        let mut text = String::from("time_s,temperature_c,counts\n");
+    /// The log of counts; `disturb` adds °/h by hours of test.
+    pub(crate) fn log_with(&self, disturb: &dyn Fn(f64) -> f64) -> Rows<3> {
+        let mut log = Rows::new(["time_s", "temperature_c", "counts"]);
         let hours_per_row = self.row_s / 3600.0;
         let white = self.n_deg_rt_h / hours_per_row.sqrt();
         let mut start = Dice::new(self.seed ^ 0xf11c);
@@ -247,27 +246,14 @@ impl<'a> Bench<'a> {
             let step = self.thermometer_step_c;
             let read = if step > 0.0 { (now.celsius / step).round() * step } else { now.celsius };
             let time_s = self.start_s + (i + 1) as f64 * self.row_s;
-            write_row(&mut text, time_s, read, total - counted);
-            text.push('\n');
+            log.push([time_s, to_decimals(read, 4), total - counted]);
             counted = total;
         });
-        text.into_bytes()
+        log
     }
 
-    pub(crate) fn log(&self) -> Vec<u8> {
+    pub(crate) fn log(&self) -> Rows<3> {
         self.log_with(&|_| 0.0)
-    }
-}
-
-/// Time, temperature to four decimals, and counts, as whole numbers: `{:.4}` and `{}` of floats took a tenth of a verdict's time.
-pub(crate) fn write_row(text: &mut String, time_s: f64, celsius: f64, counts: f64) {
-    let [ten_thousandths, counts] = [celsius * 1e4, counts].map(|value| value.round() as i64);
-    let sign = if ten_thousandths < 0 { "-" } else { "" };
-    let [whole, rest] = [ten_thousandths.abs() / 10_000, ten_thousandths.abs() % 10_000];
-    if time_s.fract() == 0.0 {
-        write!(text, "{},{sign}{whole}.{rest:04},{counts}", time_s as i64).unwrap();
-    } else {
-        write!(text, "{time_s},{sign}{whole}.{rest:04},{counts}").unwrap();
     }
 }
 

@@ -8,12 +8,13 @@ use sagnac::fit::{FitOptions, Model, UnitPrior, calibrate};
 use sagnac::plan::{Chamber, Plan, PlanRequest, plan};
 use sagnac::verify::{Correction, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
-use sagnac_log::ingest::{LogReader, ReadMode};
-use sagnac_log::setup::{Noise, Setup};
+use sagnac_log::setup::Noise;
 
 use super::lots::{Fleet, Gyro, MODEL, OF_UNITS, gyro};
 use super::{Bench, Dice, N_DEG_RT_H, QUANTUM_ARCSEC};
 use crate::support::evidence::Records;
+use crate::support::reader;
+use crate::support::rows::Rows;
 use sagnac::Limits;
 
 /// Hours of the full test: two cycles.
@@ -118,18 +119,14 @@ pub(crate) fn compared(units: Records) -> Outcome {
     }
 }
 
-fn reader(log: Vec<u8>, setup: &Setup) -> LogReader {
-    LogReader::from_reader("test.csv", Box::new(std::io::Cursor::new(log)), setup, ReadMode::Bulk).unwrap()
-}
-
-fn calibrated(log: Vec<u8>, prior: Option<&UnitPrior>) -> sagnac::Result<Calibration> {
+fn calibrated(log: Rows<3>, prior: Option<&UnitPrior>) -> sagnac::Result<Calibration> {
     let setup = Bench::setup();
     let model = if prior.is_some() { Model::Auto } else { MODEL.parse()? };
     let options = FitOptions::new(model).prior(prior.cloned());
     calibrate(WindowBuilder::read_all(vec![reader(log, &setup)], &setup)?.finish(), &setup, &options)
 }
 
-fn accepted(made: &Calibration, log: Vec<u8>, limits: &Limits) -> bool {
+fn accepted(made: &Calibration, log: Rows<3>, limits: &Limits) -> bool {
     let setup = Bench::setup();
     let correction = Correction::from_calibration(made.clone()).unwrap();
     let proof = verify(&correction, vec![reader(log, &setup)], &setup, VerifyOptions::default()).unwrap();

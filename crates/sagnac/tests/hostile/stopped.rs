@@ -7,11 +7,12 @@ use sagnac::fit::{FitOptions, Model, calibrate_with_report_data};
 use sagnac::plan::{EnoughRequest, enough};
 use sagnac::verify::{Correction, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
-use sagnac_log::ingest::{LogReader, ReadMode};
 
 use super::{Bench, Dice, Now};
 use crate::IS_STUDY;
 use crate::support::evidence::{Records, ratio};
+use crate::support::reader;
+use crate::support::rows::Rows;
 
 /// Hours of the full test: three cycles.
 pub(crate) const FULL_HOURS: f64 = 20.0;
@@ -86,47 +87,32 @@ pub(crate) fn unit(number: u64) -> Unit {
     }
 }
 
-fn log(drift: &dyn Fn(Now) -> f64, seed: u64, noise: [f64; 2]) -> Vec<u8> {
+fn log(drift: &dyn Fn(Now) -> f64, seed: u64, noise: [f64; 2]) -> Rows<3> {
     let mut bench = Bench::new(seed, drift);
     (bench.cycles, bench.row_s, bench.rate_lag_s) = (3, ROW_S, 240.0);
     [bench.b_dph, bench.k_dph_rt_h] = noise;
     bench.log()
 }
 
-fn reader(log: &[u8]) -> LogReader {
-    let bytes = Box::new(std::io::Cursor::new(log.to_vec()));
-    LogReader::from_reader("test.csv", bytes, &Bench::setup(), ReadMode::Bulk).unwrap()
-}
-
 /// The calibration of a test that ends when it has told enough, with its hours; and that of the full one.
-fn tested(bytes: &[u8], request: &EnoughRequest) -> (Option<(f64, Calibration)>, Calibration) {
+fn tested(log: &Rows<3>, request: &EnoughRequest) -> (Option<(f64, Calibration)>, Calibration) {
     let setup = Bench::setup();
     let fit = |windows| calibrate_with_report_data(windows, &setup, &FitOptions::new(Model::Auto));
-    // Rows are pushed one by one, so that the record ends where it is judged.
-    let mut log = reader(bytes);
-    let mut windows = WindowBuilder::new(log.shape(), &setup).unwrap();
-    let (mut stopped, mut in_a_row, mut due_h) = (None, 0, EVERY_H);
-    while let Some(batch) = log.next_batch().unwrap() {
-        windows.push(batch).unwrap();
-    }
-    let whole = windows.so_far(log.summary());
-    let first_ns = whole.runs[0].start_ns;
-    let (full, _) = fit(whole.clone()).unwrap();
-    while stopped.is_none() && due_h < FULL_HOURS {
-        // A prefix of the rows, read as they came until then.
-        let rows = (due_h * 3600.0 / ROW_S) as usize;
-        let end = bytes
-            .iter()
-            .enumerate()
-            .filter(|(_, byte)| **byte == b'\n')
-            .nth(rows)
-            .map_or(bytes.len(), |(at, _)| at + 1);
-        let mut part = reader(&bytes[..end]);
+    // The first rows, read as they came until then.
+    let windows = |rows: usize| {
+        let mut part = reader(Rows { rows: log.rows[..rows].to_vec(), ..*log }, &setup);
         let mut builder = WindowBuilder::new(part.shape(), &setup).unwrap();
         while let Some(batch) = part.next_batch().unwrap() {
             builder.push(batch).unwrap();
         }
-        let so_far = builder.so_far(part.summary());
+        builder.so_far(part.summary())
+    };
+    let (mut stopped, mut in_a_row, mut due_h) = (None, 0, EVERY_H);
+    let whole = windows(log.rows.len());
+    let first_ns = whole.runs[0].start_ns;
+    let (full, _) = fit(whole).unwrap();
+    while stopped.is_none() && due_h < FULL_HOURS {
+        let so_far = windows((due_h * 3600.0 / ROW_S) as usize);
         assert_eq!(so_far.runs[0].start_ns, first_ns);
         let made = fit(so_far).ok().filter(|(made, drawn)| enough(made, drawn, request).met);
         in_a_row = if made.is_some() { in_a_row + 1 } else { 0 };
@@ -136,10 +122,10 @@ fn tested(bytes: &[u8], request: &EnoughRequest) -> (Option<(f64, Calibration)>,
     (stopped, full)
 }
 
-fn accepted(made: &Calibration, retest: &[u8], limits: &Limits) -> bool {
+fn accepted(made: &Calibration, retest: Rows<3>, limits: &Limits) -> bool {
     let correction = Correction::from_calibration(made.clone()).unwrap();
     let setup = Bench::setup();
-    let proof = verify(&correction, vec![reader(retest)], &setup, VerifyOptions::default()).unwrap();
+    let proof = verify(&correction, vec![reader(retest, &setup)], &setup, VerifyOptions::default()).unwrap();
     proof.limits(limits).unwrap().passed()
 }
 
@@ -154,9 +140,9 @@ pub(crate) fn stopped(units: Records, limits: &Limits, passes: u32, unit: fn(u64
         let noise = [[0.0, 0.0], [0.001, 0.001], [0.002, 0.002]][(number / KINDS % 3) as usize];
         let (stopped, full) = tested(&log(&drift, 10 * number + 1, noise), &request);
         let retest = log(&drift, 10 * number + 2, noise);
-        let met_full = accepted(&full, &retest, limits);
+        let met_full = accepted(&full, retest.clone(), limits);
         let (hours, met) = match &stopped {
-            Some((hours, made)) => (*hours, accepted(made, &retest, limits)),
+            Some((hours, made)) => (*hours, accepted(made, retest, limits)),
             None => (FULL_HOURS, met_full),
         };
         One { ended: stopped.is_some(), hours: hours / FULL_HOURS, met, met_full }

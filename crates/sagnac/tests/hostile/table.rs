@@ -10,11 +10,10 @@
 //!
 //! An asymmetry a bends the line, too: on these x by 0.3 a, at rest.
 
-use std::fmt::Write as _;
-
 use sagnac_log::setup::Setup;
 
-use super::{Dice, N_DEG_RT_H, QUANTUM_ARCSEC, Slow, write_row};
+use super::{Dice, N_DEG_RT_H, QUANTUM_ARCSEC, Slow};
+use crate::support::rows::{Rows, to_decimals};
 
 /// Temperatures in their order, °C.
 const PLATEAUS_C: [f64; 11] = [-40.0, -18.0, 4.0, 26.0, 48.0, 70.0, 48.0, 26.0, 4.0, -18.0, -40.0];
@@ -119,9 +118,9 @@ impl Table {
         first.chain(others)
     }
 
-    /// The log as CSV of counts with the table's rate.
-    pub(crate) fn log(&self) -> Vec<u8> {
-        let mut text = String::from("time_s,temperature_c,counts,reference_rate_dps\n");
+    /// The log of counts with the table's rate.
+    pub(crate) fn log(&self) -> Rows<4> {
+        let mut log = Rows::new(["time_s", "temperature_c", "counts", "reference_rate_dps"]);
         let mut dice = Dice::new(self.seed);
         let white = N_DEG_RT_H / (ROW_S / 3600.0).sqrt();
         let mut dice_of_slow = Dice::new(self.seed ^ 0xf11c);
@@ -143,11 +142,10 @@ impl Table {
             angle += (turned + 4.5 + 0.01 + drift + noise + (self.error_dph)(now)) * ROW_S;
             let total = (angle / QUANTUM_ARCSEC).floor();
             let time_s = self.start_s + (row + 1) as f64 * ROW_S;
-            let dps = if (self.is_blank)(now) { String::new() } else { (part * self.most_dps).to_string() };
-            write_row(&mut text, time_s, celsius, total - counted);
-            writeln!(text, ",{dps}").unwrap();
+            let dps = if (self.is_blank)(now) { f64::NAN } else { part * self.most_dps };
+            log.push([time_s, to_decimals(celsius, 4), total - counted, dps]);
             counted = total;
         }
-        text.into_bytes()
+        log
     }
 }

@@ -2,22 +2,23 @@
 
 pub(crate) mod evidence;
 pub(crate) mod records;
-
-use std::io::Cursor;
+pub(crate) mod rows;
 
 use sagnac::calibration::Calibration;
 use sagnac::fit::{FitOptions, Model, calibrate};
 use sagnac::verify::{Correction, Verification, VerifyOptions, verify};
 use sagnac::window::{WindowBuilder, Windows};
-use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::ingest::LogReader;
 use sagnac_log::setup::Setup;
 
-pub(crate) fn reader(csv: Vec<u8>, setup: &Setup) -> LogReader {
-    LogReader::from_reader("simulated.csv", Box::new(Cursor::new(csv)), setup, ReadMode::Bulk).unwrap()
+use self::rows::Log;
+
+pub(crate) fn reader(log: impl Log, setup: &Setup) -> LogReader {
+    log.reader("simulated.csv", setup)
 }
 
-pub(crate) fn windows(logs: Vec<Vec<u8>>, setup: &Setup) -> Windows {
-    let logs = logs.into_iter().map(|csv| reader(csv, setup)).collect::<Vec<_>>();
+pub(crate) fn windows(logs: Vec<impl Log>, setup: &Setup) -> Windows {
+    let logs = logs.into_iter().map(|log| reader(log, setup)).collect::<Vec<_>>();
     WindowBuilder::read_all(logs, setup).unwrap().finish()
 }
 
@@ -25,15 +26,15 @@ pub(crate) fn model(text: &str) -> Model {
     text.parse().unwrap()
 }
 
-pub(crate) fn fit(logs: Vec<Vec<u8>>, setup: &Setup, text: &str) -> sagnac::Result<Calibration> {
+pub(crate) fn fit(logs: Vec<impl Log>, setup: &Setup, text: &str) -> sagnac::Result<Calibration> {
     fit_with(logs, setup, &FitOptions::new(model(text)))
 }
 
-pub(crate) fn fit_with(logs: Vec<Vec<u8>>, setup: &Setup, options: &FitOptions) -> sagnac::Result<Calibration> {
+pub(crate) fn fit_with(logs: Vec<impl Log>, setup: &Setup, options: &FitOptions) -> sagnac::Result<Calibration> {
     calibrate(windows(logs, setup), setup, options)
 }
 
-pub(crate) fn retest(calibration: &Calibration, log: Vec<u8>, setup: &Setup) -> Verification {
+pub(crate) fn retest(calibration: &Calibration, log: impl Log, setup: &Setup) -> Verification {
     let correction = Correction::from_calibration(calibration.clone()).unwrap();
     verify(&correction, vec![reader(log, setup)], setup, VerifyOptions::default()).unwrap().verification
 }

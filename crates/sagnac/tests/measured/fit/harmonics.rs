@@ -2,10 +2,10 @@
 //! code with the fit: rows of °/h with a cosine of the voltage, a line in temperature and white noise.
 
 use std::f64::consts::TAU;
-use std::fmt::Write;
 
 use crate::support::evidence::{Records, evidence};
 use crate::support::fit;
+use crate::support::rows::{Rows, to_decimals};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sagnac::ErrorKind;
@@ -28,14 +28,14 @@ const ROWS: usize = 4_000;
 const SIGMA_DPH: f64 = 0.063;
 
 impl Prism {
-    pub(crate) fn csv(self) -> Vec<u8> {
+    pub(crate) fn log(self) -> Rows<4> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         let mut normal = || {
             let uniform = |rng: &mut ChaCha8Rng| (rng.next_u64() >> 11) as f64 / (1_u64 << 53) as f64;
             let (u, w) = (1.0 - uniform(&mut rng), uniform(&mut rng));
             (-2.0 * u.ln()).sqrt() * (TAU * w).cos()
         };
-        let mut text = String::from("time_s,temperature_c,rate_dph,aux_stab_v\n");
+        let mut log = Rows::new(["time_s", "temperature_c", "rate_dph", "aux_stab_v"]);
         for row in 1..=ROWS {
             let t = ROW_S * row as f64;
             let celsius = 20.0 + 30.0 * (TAU * t / 40_000.0).sin();
@@ -43,9 +43,9 @@ impl Prism {
             let volts = 1.1 * celsius + 18.0 * (TAU * t / 17_000.0).cos();
             let wave = self.amplitude_dph * (TAU * volts / self.period_v + self.phase).cos();
             let rate = 4.5 + 0.001 * (celsius - 25.0) + wave + SIGMA_DPH * normal();
-            writeln!(text, "{t},{celsius:.4},{rate:.6},{volts:.4}").unwrap();
+            log.push([t, to_decimals(celsius, 4), to_decimals(rate, 6), to_decimals(volts, 4)]);
         }
-        text.into_bytes()
+        log
     }
 }
 
@@ -59,7 +59,7 @@ pub(crate) fn amplitude(axis: &AxisCalibration) -> f64 {
 }
 
 pub(crate) fn made(gyro: Prism, model: &str) -> sagnac::Result<Calibration> {
-    fit(vec![gyro.csv()], &setup(), model)
+    fit(vec![gyro.log()], &setup(), model)
 }
 
 /// A hundred gyros of amplitude 0.01 … 0.05 °/h and period 9 … 24 V: the fitted period is found in each, and its 95 % interval

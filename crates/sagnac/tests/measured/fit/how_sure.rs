@@ -1,10 +1,9 @@
 //! Coverage of the intervals for residuals that are not white, and accuracy of the forecast for more data.
 
-use std::fmt::Write as _;
-
 use crate::support::evidence::{Records, evidence, ratio};
 use crate::support::farthest;
 use crate::support::fit;
+use crate::support::rows::Rows;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sagnac::calibration::Calibration;
@@ -27,27 +26,27 @@ fn drift(celsius: f64) -> f64 {
 }
 
 /// Up and down between −40 and +70 °C twice, then a soak at −40 °C; residuals of σ 0.02 °/h and this correlation time.
-pub(crate) fn log(windows: usize, soak: usize, correlation_windows: f64, seed: u64) -> Vec<u8> {
+pub(crate) fn log(windows: usize, soak: usize, correlation_windows: f64, seed: u64) -> Rows<3> {
     log_with_walk(windows, soak, correlation_windows, 0.0, seed)
 }
 
 /// The same with a rate random walk beside them, °/h/√h.
-fn log_with_walk(windows: usize, soak: usize, correlation_windows: f64, k_dph_rt_h: f64, seed: u64) -> Vec<u8> {
+fn log_with_walk(windows: usize, soak: usize, correlation_windows: f64, k_dph_rt_h: f64, seed: u64) -> Rows<3> {
     let mut walk = 0.0;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let keep = if correlation_windows > 0.0 { (-1.0 / correlation_windows).exp() } else { 0.0 };
     let mut noise = normal(&mut rng);
-    let mut text = String::from("time_s,temperature_c,rate_dph\n");
+    let mut log = Rows::new(["time_s", "temperature_c", "rate_dph"]);
     for k in 0..windows + soak {
         let phase = (4.0 * (k as f64 + 0.5) / windows as f64).min(4.0);
         let celsius = 15.0 + 55.0 * (1.0 - 2.0 * (phase % 2.0 - 1.0).abs());
-        writeln!(text, "{},{celsius},{}", 100 * (k + 1), 4.5 + drift(celsius) + SIGMA * noise + walk).unwrap();
+        log.push([(100 * (k + 1)) as f64, celsius, 4.5 + drift(celsius) + SIGMA * noise + walk]);
         if k_dph_rt_h > 0.0 {
             walk += k_dph_rt_h * (100.0_f64 / 3600.0).sqrt() * normal(&mut rng);
         }
         noise = keep * noise + (1.0 - keep * keep).sqrt() * normal(&mut rng);
     }
-    text.into_bytes()
+    log
 }
 
 fn mean(of: &[f64]) -> f64 {

@@ -7,6 +7,7 @@ use crate::support;
 use crate::hostile::lots::{Fleet, Gyro, MODEL, OF_UNITS, gyro, lot};
 use crate::hostile::{Bench, Dice, Now};
 use crate::support::evidence::{Records, evidence, ratio};
+use crate::support::rows::Rows;
 use rayon::prelude::*;
 use sagnac::calibration::Calibration;
 use sagnac::fit::{FitOptions, Model, UnitPrior};
@@ -41,7 +42,7 @@ fn chain(one: fn(&mut Bench<'_>), two: fn(&mut Bench<'_>)) -> impl Fn(&mut Bench
     }
 }
 
-pub(crate) fn calibrated(log: Vec<u8>, prior: Option<&UnitPrior>) -> sagnac::Result<Calibration> {
+pub(crate) fn calibrated(log: Rows<3>, prior: Option<&UnitPrior>) -> sagnac::Result<Calibration> {
     let options = match prior {
         Some(prior) => FitOptions::new(Model::Auto).prior(Some(prior.clone())),
         None => FitOptions::new(support::model(MODEL)),

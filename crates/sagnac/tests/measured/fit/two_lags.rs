@@ -4,6 +4,7 @@
 use crate::hostile::{Bench, Now, fraction};
 use crate::support::evidence::{Records, evidence};
 use crate::support::fit;
+use crate::support::rows::Rows;
 use rayon::prelude::*;
 use sagnac::calibration::{AxisCalibration, Calibration};
 
@@ -28,7 +29,7 @@ fn of_one(now: Now) -> f64 {
 }
 
 /// One cycle of a bench whose block follows the chamber within minutes, so that ramps have corners.
-pub(crate) fn log(seed: u64, drift: fn(Now) -> f64, fast_s: f64) -> Vec<u8> {
+pub(crate) fn log(seed: u64, drift: fn(Now) -> f64, fast_s: f64) -> Rows<3> {
     let mut bench = Bench::new(seed, &drift);
     (bench.cycles, bench.block_lag_s, bench.rate_lag_s, bench.slow_lag_s) = (1, 300.0, fast_s, SLOW_S);
     bench.log()

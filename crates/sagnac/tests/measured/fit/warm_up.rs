@@ -3,6 +3,7 @@
 use crate::hostile::{Bench, Now, fraction};
 use crate::support;
 use crate::support::evidence::{Records, evidence};
+use crate::support::rows::Rows;
 use rayon::prelude::*;
 use sagnac::FitOptions;
 use sagnac::calibration::Calibration;
@@ -16,7 +17,7 @@ fn warming(dph: f64) -> impl Fn(Now) -> f64 {
     move |now| 0.05 * now.u() + dph * (-3600.0 * now.hours / TAU_S).exp()
 }
 
-pub(crate) fn log(seed: u64, dph: f64, change: fn(&mut Bench<'_>)) -> Vec<u8> {
+pub(crate) fn log(seed: u64, dph: f64, change: fn(&mut Bench<'_>)) -> Rows<3> {
     let truth = warming(dph);
     let mut bench = Bench::new(seed, &truth);
     (bench.cycles, bench.row_s) = (1, 20.0);

@@ -4,19 +4,20 @@ use crate::hostile::curves::calibrated;
 use crate::hostile::{Bench, Dice, N_DEG_RT_H, Now, WHITE_100_S_DPH, fraction, usual};
 use crate::support;
 use crate::support::evidence::{Records, evidence, ratio};
+use crate::support::rows::{Log, Rows};
 use crate::support::{fit, reader};
 use sagnac::Limits;
 use sagnac::calibration::Calibration;
 use sagnac::verify::{AxisVerification, Correction, Proof, VerifyOptions, verify};
 use sagnac_log::setup::{Direction, Earth, Noise, PerAxis, Setup};
 
-pub(crate) fn proof(calibration: &Calibration, logs: Vec<Vec<u8>>, options: VerifyOptions) -> Proof {
+pub(crate) fn proof(calibration: &Calibration, logs: Vec<impl Log>, options: VerifyOptions) -> Proof {
     let setup = Bench::setup();
     let correction = Correction::from_calibration(calibration.clone()).unwrap();
     verify(&correction, logs.into_iter().map(|log| reader(log, &setup)).collect::<Vec<_>>(), &setup, options).unwrap()
 }
 
-fn judged(calibration: &Calibration, log: Vec<u8>, limits: &Limits) -> Proof {
+fn judged(calibration: &Calibration, log: Rows<3>, limits: &Limits) -> Proof {
     proof(calibration, vec![log], VerifyOptions::default()).limits(limits).unwrap()
 }
 
@@ -135,7 +136,7 @@ fn a_unit_off_its_calibration_is_refused() {
 fn what_one_of_three_runs_excludes_or_misses_is_judged_by_itself() {
     let (unit, limits) = (calibrated(), navigation());
     let jump = |from_h: f64, to_h: f64| move |hours: f64| if (from_h..to_h).contains(&hours) { 1.0 } else { 0.0 };
-    let logs = |seed: u64, second: Vec<u8>| {
+    let logs = |seed: u64, second: Rows<3>| {
         let [first, third] = [0, 1].map(|k| Bench::new(2 * seed + k, &usual).log());
         vec![first, second, third]
     };
@@ -150,13 +151,11 @@ fn what_one_of_three_runs_excludes_or_misses_is_judged_by_itself() {
         "≥ 1",
         20,
     );
-    let with_flags = |(run, log): (usize, Vec<u8>)| {
-        let text = String::from_utf8(log).unwrap();
-        let row = |(at, line): (usize, &str)| match at {
-            0 => format!("{line},valid\n"),
-            _ => format!("{line},{}\n", u8::from(run != 1 || !(5 * 720..7 * 720).contains(&at))),
-        };
-        text.lines().enumerate().map(row).collect::<String>().into_bytes()
+    let with_flags = |(run, log): (usize, Rows<3>)| {
+        let is_off = |at: usize| run == 1 && (5 * 720 - 1..7 * 720 - 1).contains(&at);
+        let row = |(at, [t, c, n]): (usize, [f64; 3])| [t, c, n, f64::from(u8::from(!is_off(at)))];
+        let [t, c, n] = log.headers;
+        Rows { headers: [t, c, n, "valid"], rows: log.rows.into_iter().enumerate().map(row).collect() }
     };
     let hidden = fraction(20, |seed| {
         let second = Bench::new(22_000 + seed, &usual).log_with(&jump(5.0, 7.0));
@@ -178,16 +177,12 @@ fn each_axis_of_a_log_is_held_against_its_own_input_rate() {
         let counts = |axis: usize| {
             let mut bench = Bench::new(3 * seed + axis as u64, &usual);
             (bench.input_dph, bench.bias_dph) = (INPUT_DPH[axis], if axis == 1 { off_dph } else { 0.0 });
-            String::from_utf8(bench.log()).unwrap()
+            bench.log().rows
         };
-        let axes = [0, 1, 2].map(counts);
-        let rows = axes[0].lines().zip(axes[1].lines()).zip(axes[2].lines()).enumerate();
-        let last = |line: &str| line.rsplit(',').next().unwrap().to_owned();
-        let row = |(at, ((x, y), z)): (usize, ((&str, &str), &str))| match at {
-            0 => "time_s,temperature_c,counts_x,counts_y,counts_z\n".to_owned(),
-            _ => format!("{x},{},{}\n", last(y), last(z)),
-        };
-        rows.map(row).collect::<String>().into_bytes()
+        let [x, y, z] = [0, 1, 2].map(counts);
+        let row = |(([t, c, x], [.., y]), [.., z]): (([f64; 3], [f64; 3]), [f64; 3])| [t, c, x, y, z];
+        let headers = ["time_s", "temperature_c", "counts_x", "counts_y", "counts_z"];
+        Rows { headers, rows: x.into_iter().zip(y).zip(z).map(row).collect() }
     };
     let unit = fit(vec![log(1, 0.0), log(2, 0.0)], &setup, "bias 3, rate 0").unwrap();
     let limits = navigation();
@@ -240,7 +235,7 @@ fn the_interval_of_the_bias_difference_covers() {
 #[test]
 fn half_of_every_limit_passes_and_twice_any_is_refused() {
     let (unit, limits) = (calibrated(), navigation());
-    let accepted = |name: &str, records: u64, make: &(dyn Fn(u64) -> Vec<u8> + Sync)| {
+    let accepted = |name: &str, records: u64, make: &(dyn Fn(u64) -> Rows<3> + Sync)| {
         let accepted = fraction(Records::new(records), |seed| {
             let found = judged(&unit, make(1000 + seed), &limits);
             if found.passed() && name.starts_with("twice") || !found.passed() && !name.starts_with("twice") {
@@ -432,7 +427,7 @@ fn each_run_is_judged_alone() {
         for good in [2, 4] {
             let accepted = fraction(10, |seed| {
                 let bad = move |now: Now| usual(now) + fault(now);
-                let mut logs: Vec<Vec<u8>> =
+                let mut logs: Vec<Rows<3>> =
                     (0..good).map(|k| Bench::new(5000 + 10 * seed + k, &usual).log()).collect();
                 logs.push(Bench::new(5009 + 10 * seed, &bad).log());
                 proof(&unit, logs, VerifyOptions::default()).limits(&limits).unwrap().passed()
@@ -455,23 +450,8 @@ fn each_run_is_judged_alone() {
 }
 
 /// The rows of a log at some hours, by time.
-fn rows_where(log: &[u8], keep: impl Fn(f64) -> bool) -> Vec<u8> {
-    let text = std::str::from_utf8(log).unwrap();
-    let hours = |row: &str| row.split(',').next().unwrap().parse::<f64>().map_or(f64::NAN, |s| s / 3600.0);
-    let rows = text.lines().enumerate().filter(|(at, row)| *at == 0 || keep(hours(row)));
-    rows.map(|(_, row)| format!("{row}\n")).collect::<String>().into_bytes()
-}
-
-/// Empties the temperatures of a log at some hours.
-fn without_temperatures(at: impl Fn(f64) -> bool) -> impl Fn(Vec<u8>) -> Vec<u8> {
-    move |log| {
-        let row = |row: &str| {
-            let fields: Vec<&str> = row.split(',').collect();
-            let is_off = fields[0].parse::<f64>().is_ok_and(|s| at(s / 3600.0));
-            if is_off { format!("{},,{}\n", fields[0], fields[2]) } else { format!("{row}\n") }
-        };
-        std::str::from_utf8(&log).unwrap().lines().map(row).collect::<String>().into_bytes()
-    }
+fn rows_where(log: Rows<3>, keep: impl Fn(f64) -> bool) -> Rows<3> {
+    log.filter(|[time_s, ..]| keep(time_s / 3600.0))
 }
 
 /// The bench was off for two hours and a half, while the temperature went from one end to the other: the rate behind a lag is that of a chamber that moved,
@@ -482,12 +462,12 @@ fn hours_missing_in_a_run_are_no_step_of_the_temperature() {
     let drift = |now: Now| 0.02 * now.u() - 0.008 * now.u().powi(2) + 0.01 * now.u().powi(3) + 0.05 * now.lagged_cpm;
     let bench = |seed: u64| Bench { rate_lag_s: 600.0, cycles: 3, ..Bench::new(seed, &drift) };
     let (setup, limits) = (Bench::setup(), navigation());
-    let not_ready = without_temperatures(|hours| (9.4..9.402).contains(&hours));
     let found = |seed: u64| {
         let log = bench(8100 + seed).log();
-        let log = rows_where(&log, |hours| !(6.9..9.4).contains(&hours));
+        let mut log = rows_where(log, |hours| !(6.9..9.4).contains(&hours));
         // In every second log the thermometer is not ready in the first row after the gap.
-        let log = if seed.is_multiple_of(2) { log } else { not_ready(log) };
+        let after = log.rows.iter_mut().filter(|[time_s, ..]| (9.4..9.402).contains(&(time_s / 3600.0)));
+        after.filter(|_| !seed.is_multiple_of(2)).for_each(|row| row[1] = f64::NAN);
         let unit = fit(vec![log], &setup, "bias 3, rate 0").unwrap();
         let rate = unit.axes[0].correction.terms.last().unwrap();
         let error = (rate.value - 0.05).abs();
@@ -522,7 +502,7 @@ fn missing_rows_are_a_limit_and_a_gap_is_none() {
     let (unit, limits) = (calibrated(), navigation());
     let accepted = |keep: &(dyn Fn(f64) -> bool + Sync)| {
         fraction(20, |seed| {
-            let log = rows_where(&Bench::new(8000 + seed, &usual).log(), keep);
+            let log = rows_where(Bench::new(8000 + seed, &usual).log(), keep);
             let found = judged(&unit, log, &limits);
             if !found.passed() {
                 println!("{seed}: {:?}", missed(&found));
@@ -550,7 +530,7 @@ fn lost_rows_are_no_steps_of_the_temperature() {
     let limits = navigation();
     let accepted = fraction(40, |seed| {
         let lost = |hours: f64| Dice::new((hours * 360.0).round() as u64 ^ (seed << 32)).uniform() < 0.03;
-        let log = rows_where(&bench(8_200 + seed).log(), |hours| !lost(hours));
+        let log = rows_where(bench(8_200 + seed).log(), |hours| !lost(hours));
         judged(&unit, log, &limits).passed()
     });
     evidence(
@@ -569,7 +549,7 @@ fn short_gaps_in_every_hour_hide_no_bias_instability() {
         fraction(records, |seed| {
             let mut bench = Bench::new(8500 + seed, &usual);
             bench.b_dph = b_dph;
-            let found = judged(&unit, rows_where(&bench.log(), |hours| (60.0 * hours) % 40.0 >= 50.0 / 60.0), &limits);
+            let found = judged(&unit, rows_where(bench.log(), |hours| (60.0 * hours) % 40.0 >= 50.0 / 60.0), &limits);
             if found.passed() != (b_dph == 0.0) {
                 println!("{seed}, B {b_dph}: {:?}", missed(&found));
             }

@@ -1,11 +1,10 @@
 //! `compare --limits`: is a gyro that did not change accepted, and one that changed by twice a limit refused? Records are made from
 //! logs of a generator that shares no code with the program: three months of one gyro, two runs each.
 
-use std::fmt::Write as _;
-
 use crate::hostile::{Bench, Dice, Now, fraction};
 use crate::support::evidence::evidence;
 use crate::support::fit;
+use crate::support::rows::{Rows, to_decimals};
 use sagnac::compare::{Comparison, compare};
 use sagnac::{Calibration, Limits};
 
@@ -137,11 +136,11 @@ fn turn_ons_of_all_records_count() {
 }
 
 /// A gyro on a rate table: rows of 5 s at ±10 and ±40 °/s over a ramp of the block.
-fn table_log(seed: u64, epsilon_ppm: &dyn Fn(f64) -> f64) -> Vec<u8> {
+fn table_log(seed: u64, epsilon_ppm: &dyn Fn(f64) -> f64) -> Rows<4> {
     let mut dice = Dice::new(seed);
     let quantum = 0.5;
-    let (mut text, mut angle, mut counted) =
-        (String::from("time_s,temperature_c,counts,reference_rate_dps\n"), 0.0, 0.0);
+    let mut log = Rows::new(["time_s", "temperature_c", "counts", "reference_rate_dps"]);
+    let (mut angle, mut counted) = (0.0, 0.0);
     for i in 0..8640 {
         let celsius = 15.0 - 55.0 * (std::f64::consts::TAU * f64::from(i) / 8640.0).cos();
         let table_dps = [-40.0, -10.0, 10.0, 40.0][i as usize / 60 % 4];
@@ -150,10 +149,10 @@ fn table_log(seed: u64, epsilon_ppm: &dyn Fn(f64) -> f64) -> Vec<u8> {
         // ε > 0: fewer counts for the same angle.
         angle += dph * 5.0 / (1.0 + epsilon_ppm(celsius) * 1e-6);
         let total = (angle / quantum).floor();
-        writeln!(text, "{},{celsius:.4},{},{table_dps}", (i + 1) * 5, total - counted).unwrap();
+        log.push([f64::from((i + 1) * 5), to_decimals(celsius, 4), total - counted, table_dps]);
         counted = total;
     }
-    text.into_bytes()
+    log
 }
 
 /// The scale factor changes as a whole, or in the cold alone: both are twice the limit there.

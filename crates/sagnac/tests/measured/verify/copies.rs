@@ -6,6 +6,7 @@ use std::io::Write as _;
 
 use crate::hostile::{Bench, Now, fraction};
 use crate::support::evidence::{Records, evidence};
+use crate::support::rows::Log;
 use crate::support::{fit, reader};
 use sagnac::verify::{Correction, VerifyOptions, verify};
 use sagnac::{Calibration, Limits, Setup};
@@ -15,7 +16,7 @@ pub(crate) fn usual(now: Now) -> f64 {
 }
 
 /// The logs that a retest shares with its calibration.
-pub(crate) fn overlap(unit: &Calibration, logs: Vec<Vec<u8>>, setup: &Setup) -> usize {
+pub(crate) fn overlap(unit: &Calibration, logs: Vec<impl Log>, setup: &Setup) -> usize {
     let correction = Correction::from_calibration(unit.clone()).unwrap();
     let logs = logs.into_iter().map(|log| reader(log, setup)).collect::<Vec<_>>();
     let limits: Limits = "sigma_dph_max = 1000".parse().unwrap();
@@ -74,7 +75,7 @@ fn a_copy_of_the_training_log_in_other_bytes_is_refused() {
         let log = |seed: u64| {
             let mut bench = Bench::new(seed, &usual);
             (bench.hours, bench.quantum_arcsec) = (Some(4.0), hostile::QUANTUM_ARCSEC);
-            bench.log()
+            bench.log().csv()
         };
         // One of two logs of the calibration comes back.
         let unit = fit(vec![log(10 * seed), log(10 * seed + 1)], &setup, "bias 1").unwrap();

@@ -2,31 +2,21 @@
 
 use crate::hostile::{Bench, Now, fraction};
 use crate::support::evidence::evidence;
+use crate::support::rows::{Log, Rows};
 use crate::support::{fit, model};
 use sagnac::Limits;
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::verify::{Correction, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
-use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::ingest::LogReader;
 use sagnac_log::setup::{RunDivision, Setup};
 
 pub(crate) fn strong(now: Now) -> f64 {
     0.05 * now.u() - 0.03 * now.u().powi(2) + 0.02 * now.u().powi(3)
 }
 
-/// The rows of a log in files of so many.
-pub(crate) fn split(log: &[u8], rows: usize) -> Vec<Vec<u8>> {
-    let text = std::str::from_utf8(log).unwrap();
-    let (head, body) = text.split_once('\n').unwrap();
-    let lines: Vec<&str> = body.lines().collect();
-    lines.chunks(rows).map(|part| format!("{head}\n{}\n", part.join("\n")).into_bytes()).collect()
-}
-
-pub(crate) fn readers(files: Vec<Vec<u8>>, setup: &Setup) -> Vec<LogReader> {
-    let open = |(at, file): (usize, Vec<u8>)| {
-        let source = Box::new(std::io::Cursor::new(file));
-        LogReader::from_reader(&format!("hour-{at:02}.csv"), source, setup, ReadMode::Bulk).unwrap()
-    };
+pub(crate) fn readers(files: Vec<Rows<3>>, setup: &Setup) -> Vec<LogReader> {
+    let open = |(at, file): (usize, Rows<3>)| file.reader(&format!("hour-{at:02}.csv"), setup);
     files.into_iter().enumerate().map(open).collect()
 }
 
@@ -40,7 +30,7 @@ fn what_the_offsets_of_short_runs_hide_is_counted() {
     let accepted = |setup: &Setup| {
         fraction(20, |seed| {
             let correction = Correction::from_calibration(unit.clone()).unwrap();
-            let files = readers(split(&Bench::new(50 + seed, &strong).log(), 720), setup);
+            let files = readers(Bench::new(50 + seed, &strong).log().chunks(720), setup);
             let proof = verify(&correction, files, setup, VerifyOptions::default()).unwrap();
             proof.limits(&limits).unwrap().passed()
         })
@@ -52,7 +42,7 @@ fn what_the_offsets_of_short_runs_hide_is_counted() {
         "≤ 0",
         20,
     );
-    let files = readers(split(&Bench::new(1, &strong).log(), 720), &apart);
+    let files = readers(Bench::new(1, &strong).log().chunks(720), &apart);
     let windows = WindowBuilder::read_all(files, &apart).unwrap().finish();
     let record = calibrate(windows, &apart, &FitOptions::new(model("bias 0"))).unwrap();
     let hidden = record.axes[0].fit.as_ref().unwrap().hidden_in_offsets_dph.unwrap();
@@ -63,27 +53,23 @@ fn what_the_offsets_of_short_runs_hide_is_counted() {
 
 /// A log of counts as files of so many rows, each with a clock that starts at zero and a running total; `anew`: the total starts at
 /// zero in each file as well. `first_row_again`: each file begins with the last row of the one before, at zero.
-fn hourly_totals(log: &[u8], rows: usize, anew: bool, first_row_again: bool) -> Vec<Vec<u8>> {
-    let text = std::str::from_utf8(log).unwrap();
-    let fields = |row: &str| row.split(',').map(|field| field.parse::<f64>().unwrap()).collect::<Vec<_>>();
-    let parsed: Vec<Vec<f64>> = text.lines().skip(1).map(fields).collect();
-    let (mut total, mut files) = (0.0, Vec::new());
-    for part in parsed.chunks(rows) {
-        let mut file = String::from("time_s,temperature_c,counts\n");
-        let start_s = part[0][0] - 5.0;
+fn hourly_totals(log: &Rows<3>, rows: usize, anew: bool, first_row_again: bool) -> Vec<Rows<3>> {
+    let mut total = 0.0;
+    let mut files = log.chunks(rows);
+    for (number, file) in files.iter_mut().enumerate() {
+        let [first_s, celsius, _] = file.rows[0];
+        let start_s = first_s - 5.0;
+        let before = (first_row_again && number > 0).then_some([0.0, celsius, if anew { 0.0 } else { total }]);
         if anew {
             total = 0.0;
         }
-        if first_row_again && !files.is_empty() {
-            file += &format!("0,{},{total}\n", part[0][1]);
+        for [time_s, celsius, counts] in &mut file.rows {
+            total += *counts;
+            // No two files of the same values: they would be refused as one log given twice.
+            *celsius += if anew { 1e-6 * number as f64 } else { 0.0 };
+            (*time_s, *counts) = (*time_s - start_s, total);
         }
-        for row in part {
-            total += row[2];
-            // No two files of the same bytes: they would be refused as one log given twice.
-            let celsius = row[1] + if anew { 1e-6 * files.len() as f64 } else { 0.0 };
-            file += &format!("{},{celsius},{total}\n", row[0] - start_s);
-        }
-        files.push(file.into_bytes());
+        file.rows.splice(0..0, before);
     }
     files
 }

@@ -5,6 +5,7 @@ use crate::hostile;
 
 use crate::hostile::{Bench, Now};
 use crate::support::evidence::{Records, evidence};
+use crate::support::rows::Rows;
 use crate::support::{fit, reader};
 use rayon::prelude::*;
 use sagnac::verify::{AxisVerification, Correction, Estimate, VerifyOptions, verify};
@@ -18,7 +19,7 @@ fn put_in(now: Now) -> f64 {
     0.0003 * now.celsius + 0.01 * now.cpm + 0.01 * now.u().powi(2)
 }
 
-fn retest(unit: &Correction, setup: &Setup, log: Vec<u8>) -> AxisVerification {
+fn retest(unit: &Correction, setup: &Setup, log: Rows<3>) -> AxisVerification {
     let proof = verify(unit, vec![reader(log, setup)], setup, VerifyOptions::default()).unwrap();
     proof.verification.axes[0].clone()
 }

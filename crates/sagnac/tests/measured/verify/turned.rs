@@ -1,18 +1,17 @@
 //! Can the scale factor of a bad unit pass its limits, or a good one fail them? On a rate table that shares no code with the
 //! program.
 
-use std::io::Cursor;
-
 use crate::hostile::table::Table;
 use crate::hostile::{Slow, fraction};
 use crate::support::evidence::{Records, evidence};
+use crate::support::rows::{Log, Rows};
 use crate::support::{fit, reader};
 use sagnac::Limits;
 use sagnac::calibration::{Calibration, Plateau, PpmEstimate};
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::verify::{AxisVerification, Correction, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
-use sagnac_log::ingest::{LogReader, ReadMode};
+use sagnac_log::ingest::LogReader;
 use sagnac_log::setup::{PerAxis, Setup, TableRun};
 
 /// Every limit in ppm, at values that a table of ±10 °/s knows well: a plateau has σ of 0.15 ppm there.
@@ -120,19 +119,16 @@ fn cluster(seed: u64, of_test: &str, off_ppm: f64) -> Vec<LogReader> {
                 ..Table::new(10 * seed + 3 * turned as u64 + axis as u64)
             };
             let across = Table { turns: |_| 0.0, error_dph: |row| 7.0 * row.part, ..table };
-            String::from_utf8(if axis == turned { table } else { across }.log()).unwrap()
+            if axis == turned { table } else { across }.log().rows
         };
         let axes = [0, 1, 2].map(of);
-        let field = |line: &str, at: usize| line.split(',').nth(at).unwrap().to_owned();
-        let rows = axes[0].lines().zip(axes[1].lines()).zip(axes[2].lines()).skip(1).map(|((x, y), z)| {
-            let counts = [x, y, z].map(|line| field(line, 2)).join(",");
-            format!("{},{},{counts},{}\n", field(x, 0), field(x, 1), field([x, y, z][turned], 3))
-        });
-        let log =
-            format!("time_s,temperature_c,counts_x,counts_y,counts_z,reference_rate_dps\n{}", rows.collect::<String>());
-        let name = format!("{of_test}-{}.csv", LETTERS[turned]);
-        LogReader::from_reader(&name, Box::new(Cursor::new(log.into_bytes())), &cluster_setup(), ReadMode::Bulk)
-            .unwrap()
+        let row = |at: usize| {
+            let [[time_s, celsius, x, _], y, z] = [0, 1, 2].map(|axis| axes[axis][at]);
+            [time_s, celsius, x, y[2], z[2], axes[turned][at][3]]
+        };
+        let headers = ["time_s", "temperature_c", "counts_x", "counts_y", "counts_z", "reference_rate_dps"];
+        let log = Rows { headers, rows: (0..axes[0].len()).map(row).collect() };
+        log.reader(&format!("{of_test}-{}.csv", LETTERS[turned]), &cluster_setup())
     };
     (0..3).map(run).collect()
 }
