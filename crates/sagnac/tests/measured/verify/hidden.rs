@@ -69,7 +69,12 @@ fn a_ripple_over_temperature_is_seen() {
     let (unit, limits) = (calibrated(), navigation());
     let rippled = |now: Now| usual(now) + 0.034 * (std::f64::consts::TAU * now.celsius / 24.0).sin();
     let accepted = fraction(40, |seed| accepts(&unit, &limits, Bench::new(3_200 + seed, &rippled).log()));
-    evidence("a unit with a ripple of 0.034 °/h each 24 °C is accepted by `navigation-grade`", accepted, "≤ 0.05", 40);
+    evidence(
+        "a unit at twice `temperature_residual_dph_max`, a ripple each 24 °C, is accepted by `navigation-grade`",
+        accepted,
+        "≤ 0.05",
+        40,
+    );
 }
 
 /// An effect of |Ṫ|: neither a slope over Ṫ nor a hysteresis.

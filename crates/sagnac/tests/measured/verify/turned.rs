@@ -63,7 +63,8 @@ fn meets(unit: &Calibration, limits: &Limits, name: &str, make: impl Fn(u64) -> 
     })
 }
 
-/// Operating characteristic of every limit in ppm. Half of all of them at once: S 75 ppm off its nominal value, 5 ppm of that
+/// Operating characteristic of every limit in ppm; [`navigation_grade_judges_the_scale_factor`] has twice that of S against the calibration.
+/// Half of all of them at once: S 75 ppm off its nominal value, 5 ppm of that
 /// since the calibration; 2.5 ppm between heating and cooling and 3.3 ppm at the ends of the span make σ 2.5 and max − min 9;
 /// an asymmetry of 5 ppm with a bend of 2.25 has a largest distance of 2.5 from the straight line, by hand:
 /// |0.5·5·(0.5 − 0.6) − 2.25|.
@@ -72,8 +73,6 @@ fn half_of_every_limit_in_ppm_passes_and_twice_any_is_refused() {
     let limits: Limits = IN_PPM.parse().unwrap();
     let unit = calibrated(10.0, 70.0);
     let same = |seed: u64| Table { scale_ppm: 70.0, ..Table::new(6000 + seed) };
-    let perfect = accepted(&unit, &limits, 100, same);
-    evidence("a perfect unit on a rate table of ±10 °/s is accepted by every limit in ppm", perfect, "≥ 0.97", 100);
     let half = accepted(&unit, &limits, 100, |seed| Table {
         scale_ppm: 75.0,
         over_temperature_ppm: 3.3,
@@ -84,8 +83,7 @@ fn half_of_every_limit_in_ppm_passes_and_twice_any_is_refused() {
     });
     evidence("a unit at half of every limit in ppm is accepted, rate table of ±10 °/s", half, "≥ 0.97", 100);
     type Case = (&'static str, fn(&mut Table));
-    let twice: [Case; 6] = [
-        ("scale_factor_repeatability_ppm_max", |table| table.scale_ppm += 20.0),
+    let twice: [Case; 5] = [
         ("scale_factor_sigma_ppm_max", |table| table.over_temperature_ppm = 15.0),
         ("scale_factor_peak_to_peak_ppm_max", |table| table.over_temperature_ppm = 20.0),
         ("scale_factor_asymmetry_ppm_max", |table| table.asymmetry_ppm = 20.0),
@@ -176,13 +174,13 @@ fn a_cluster_of_three_axes_is_judged_axis_by_axis() {
 }
 
 /// The ready set on a table: a perfect unit is accepted, one whose S moved by 100 ppm since its calibration is refused for this
-/// alone, one at twice either limit in ppm of the set is refused.
+/// alone, and so is one at twice that limit.
 #[test]
 fn navigation_grade_judges_the_scale_factor() {
     let limits = Limits::named_or_read("navigation-grade").unwrap();
     let unit = calibrated(10.0, 0.0);
     let perfect = accepted(&unit, &limits, 100, |seed| Table::new(8000 + seed));
-    evidence("a perfect unit on a rate table is accepted by `navigation-grade`", perfect, "≥ 0.97", 100);
+    evidence("a perfect unit on a rate table of ±10 °/s is accepted by `navigation-grade`", perfect, "≥ 0.97", 100);
     let refused_alone = |ppm: f64| {
         fraction(60, |seed| {
             let axis = judged(&unit, Table { scale_ppm: ppm, ..Table::new(8200 + seed) }, &limits);
@@ -196,9 +194,6 @@ fn navigation_grade_judges_the_scale_factor() {
     let claim =
         "a scale factor at twice `scale_factor_repeatability_ppm_max` is refused by `navigation-grade`, for this alone";
     evidence(claim, refused_alone(20.0), "≥ 0.95", 60);
-    let sigma = |seed: u64| Table { over_temperature_ppm: 15.0, ..Table::new(8300 + seed) };
-    let passed = accepted(&unit, &limits, 60, sigma);
-    evidence("a unit at twice `scale_factor_sigma_ppm_max` is accepted by `navigation-grade`", passed, "≤ 0.05", 60);
 }
 
 /// What a judgement in ppm rests on. 120 pairs of a calibration of one table and a retest: the truth, no change, lies in the
@@ -223,7 +218,7 @@ fn the_intervals_in_ppm_cover() {
     let asymmetries = plateaus.map(|plateau| plateau.asymmetry.unwrap());
     let covered = part(asymmetries.map(|a| (a.ppm - 4.0).abs() <= 1.96 * a.sigma_ppm).collect());
     evidence(
-        "95 % interval of a plateau's asymmetry covers the truth, 11 plateaus a table",
+        "95 % interval of a plateau's asymmetry covers, table of ±10 °/s, 100 s at a rate, white noise",
         covered,
         "0.92 … 0.98",
         TABLES,
@@ -257,7 +252,9 @@ fn intervals_of_a_plateau_hold_under_slow_noise() {
             let scale = part(&|p| within(p.scale, Table::of_every_gyro_ppm(p.temperature_c)));
             let asymmetry = part(&|p| within(p.asymmetry.unwrap(), 0.0));
             for (figure, covered) in [("scale factor", scale), ("asymmetry", asymmetry)] {
-                let claim = format!("95 % interval of a plateau's {figure} covers, {dwell_s} s at a rate, {noise}");
+                let claim = format!(
+                    "95 % interval of a plateau's {figure} covers, table of ±1 °/s, {dwell_s} s at a rate, {noise}"
+                );
                 evidence(&claim, covered, "0.92 … 0.98", records);
             }
         }
@@ -276,7 +273,12 @@ fn what_a_table_could_hide_is_seen() {
         ..Table::new(50_000 + seed)
     };
     let sound = accepted(&unit, &limits, 60, one_way);
-    evidence("a sound unit is accepted, ramps at +10 °/s in heating and −10 in cooling", sound, "≥ 0.95", 60);
+    evidence(
+        "a sound unit is accepted by `navigation-grade`, ramps at +10 °/s in heating and −10 in cooling",
+        sound,
+        "≥ 0.95",
+        60,
+    );
     type Case = (&'static str, fn(&mut Table));
     let bad: [Case; 4] = [
         (
