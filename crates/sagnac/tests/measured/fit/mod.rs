@@ -8,7 +8,7 @@ pub(crate) mod how_sure;
 pub(crate) mod image_ranges;
 mod irrelevant_inputs;
 mod paper;
-mod plan;
+pub(crate) mod plan;
 pub(crate) mod prior;
 pub(crate) mod rate_table;
 pub(crate) mod two_lags;
