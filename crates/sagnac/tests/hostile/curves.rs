@@ -5,7 +5,7 @@ use sagnac::calibration::Calibration;
 use sagnac_log::setup::Setup;
 
 use super::{Bench, Now, usual};
-use crate::support::evidence::{Records, ratio};
+use crate::support::evidence::{Bounds, Records, ratio};
 use crate::support::fit;
 
 pub(crate) type Truth = fn(Now) -> f64;
@@ -96,7 +96,12 @@ pub(crate) fn shown_by(
 }
 
 /// Asserts the error of one model's curve over that of another on the same records, root mean squares.
-pub(crate) fn error_ratio(claim: &str, [found, best]: [&Shown; 2], bounds: [&str; 2], records: impl Into<Records>) {
+pub(crate) fn error_ratio(
+    claim: &str,
+    [found, best]: [&Shown; 2],
+    bounds: impl Into<Bounds>,
+    records: impl Into<Records>,
+) {
     let pairs: Vec<[f64; 2]> = found.squares.iter().zip(&best.squares).map(|(a, b)| [*a, *b]).collect();
     let sum = |of: &[[f64; 2]], at: usize| of.iter().map(|pair| pair[at]).sum::<f64>();
     ratio(claim, &pairs, |of| (sum(of, 0) / sum(of, 1)).sqrt(), bounds, records);

@@ -10,7 +10,7 @@ use sagnac::window::WindowBuilder;
 
 use super::{Bench, Dice, Now};
 use crate::IS_STUDY;
-use crate::support::evidence::{Records, ratio};
+use crate::support::evidence::{Bounds, Records, ratio};
 use crate::support::reader;
 use crate::support::rows::Rows;
 
@@ -47,7 +47,7 @@ impl Stopped {
     }
 
     /// Asserts the mean of the hours over those of the full test.
-    pub(crate) fn assert_hours(&self, claim: &str, bounds: [&str; 2], units: Records) {
+    pub(crate) fn assert_hours(&self, claim: &str, bounds: impl Into<Bounds>, units: Records) {
         let mean = |of: &[One]| of.iter().map(|one| one.hours).sum::<f64>() / of.len() as f64;
         ratio(claim, &self.0, mean, bounds, units);
     }

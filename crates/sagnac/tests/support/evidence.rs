@@ -60,6 +60,25 @@ impl From<u64> for Records {
     }
 }
 
+/// The bound of a ratio, and that of its sibling; `None` in `hours`, where none has one.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bounds {
+    all: &'static str,
+    few: Option<&'static str>,
+}
+
+impl From<[&'static str; 2]> for Bounds {
+    fn from([all, few]: [&'static str; 2]) -> Self {
+        Self { all, few: Some(few) }
+    }
+}
+
+impl From<&'static str> for Bounds {
+    fn from(all: &'static str) -> Self {
+        Self { all, few: None }
+    }
+}
+
 /// Asserts that a fraction of some records keeps its bound, `≥ 0.97`, `≤ 0.05` or `0.92 … 0.98`.
 pub(crate) fn evidence(claim: &str, measured: f64, bound: &str, records: impl Into<Records>) {
     let records = records.into();
@@ -74,22 +93,24 @@ pub(crate) fn largest(claim: &str, measured: f64, bound: &str, records: impl Int
     whole(claim, measured, bound, records.into().all);
 }
 
-/// The same of a ratio or a mean, a function of records. The bound of its sibling is stated; a study draws so few of its records a thousand
+/// The same of a ratio or a mean, a function of records. A sibling's bound is stated; a study draws so few of its records a thousand
 /// times, and none breaks it.
 pub(crate) fn ratio<T: Copy>(
     claim: &str,
     of: &[T],
     value: impl Fn(&[T]) -> f64,
-    [bound, sibling]: [&str; 2],
+    bounds: impl Into<Bounds>,
     records: impl Into<Records>,
 ) {
-    let records = records.into();
+    let (records, Bounds { all, few }) = (records.into(), bounds.into());
     assert_eq!(of.len() as u64, records.count(), "{claim}: each record counts once");
+    let measured = value(of);
     if !IS_STUDY {
-        let measured = value(of);
-        return assert!(is_within(measured, sibling), "{claim}, {} records: {measured}, not {sibling}", of.len());
+        let few = few.unwrap_or_else(|| panic!("{claim}: a sibling without a bound"));
+        return assert!(is_within(measured, few), "{claim}, {} records: {measured}, not {few}", of.len());
     }
-    whole(claim, value(of), bound, records.all);
+    whole(claim, measured, all, records.all);
+    let Some(sibling) = few else { return };
     let mut drawn = draws(of, records.few as usize).map(|few| value(&few)).collect::<Vec<f64>>();
     drawn.sort_by(f64::total_cmp);
     let broken = drawn.iter().filter(|value| !is_within(**value, sibling)).count();
