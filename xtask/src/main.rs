@@ -10,7 +10,7 @@ mod features;
 mod fleet;
 mod fuzz;
 mod layers;
-mod paths;
+mod source;
 mod studies;
 mod test;
 mod wheel;

@@ -13,35 +13,29 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::Write as _;
-use std::path::Path;
 use std::process::{Command, Stdio};
 
 use anyhow::{Context, Result, ensure};
-use serde_json::Value;
 use xtask::shell::{root, stdout_of, text};
 
 use super::parts::{Packages, Part};
-use crate::paths::{code, paths};
+use crate::source::modules::{Module, modules, used};
+use crate::source::packages::{self, Package};
+use crate::source::paths::{code, paths};
 
+/// The sources of the lab.
+const LAB: &str = "lab/src";
 /// The constants of the lab's paths.
 const PLACES: &str = "lab/src/places.rs";
 /// Every part depends on it, and on the compiler.
 const ALWAYS: &str = "Cargo.lock";
 
-/// A package of this tree.
-struct Package {
-    folder: String,
-    /// Packages of the tree that it is built from.
-    uses: BTreeSet<String>,
-    /// Those that only its tests are built from.
-    tests_use: BTreeSet<String>,
-    is_member: bool,
-}
-
 /// The tree as git knows it: committed, changed and new files, none that it ignores.
 pub(crate) struct Tree {
     files: BTreeSet<String>,
     packages: BTreeMap<String, Package>,
+    /// The modules of the lab, whose sources follow each other.
+    lab: Vec<Module>,
     compiler: String,
 }
 
@@ -51,15 +45,15 @@ impl Tree {
         let listed = stdout_of(60, "git", &listed, &root()).context("inputs are derived from a checkout of git")?;
         let is_there = |path: &&str| root().join(path).is_file();
         let files: BTreeSet<String> = listed.split_terminator('\0').filter(is_there).map(str::to_owned).collect();
-        let mut packages = packages(".", true)?;
+        let mut packages = packages::packages(".", true)?;
         for manifest in files.iter().filter(|path| path.ends_with("/Cargo.toml")) {
             let folder = manifest.trim_end_matches("/Cargo.toml");
             if packages.values().all(|package| package.folder != folder) {
-                packages.extend(self::packages(folder, false)?);
+                packages.extend(packages::packages(folder, false)?);
             }
         }
         let compiler = stdout_of(60, "rustc", &["--version"], &root())?;
-        Ok(Self { files, packages, compiler })
+        Ok(Self { files, packages, lab: modules(&root().join(LAB))?, compiler })
     }
 
     /// The files that a part depends on.
@@ -158,15 +152,15 @@ impl Tree {
                 continue;
             }
             let below = self.below(&literal);
-            let manifests = below.iter().filter(|file| file.ends_with("Cargo.toml"));
-            let folders: Vec<&str> = manifests.map(|file| file.trim_end_matches("/Cargo.toml")).collect();
-            let of_folder = self.packages.iter().filter(|(_, package)| folders.contains(&package.folder.as_str()));
+            let manifests = below.iter().filter_map(|file| file.strip_suffix("/Cargo.toml"));
+            let folders: Vec<String> = manifests.map(str::to_owned).collect();
+            let of_folder = self.packages.iter().filter(|(_, package)| folders.contains(&package.folder));
             named.packages.extend(of_folder.map(|(name, _)| name.clone()));
             named.files.extend(below);
         }
         // The tasks of xtask start processes, and name what these read; they call each other's helpers.
         if !source.starts_with("xtask/") {
-            named.sources = self.followed(source, code);
+            named.sources = self.followed(source)?;
             let folder = source.strip_suffix("/mod.rs").unwrap_or(source.trim_end_matches(".rs"));
             if part.sources.iter().all(|path| !path.starts_with(&format!("{folder}/"))) {
                 let children = code.lines().filter_map(module_of);
@@ -178,34 +172,13 @@ impl Tree {
         Ok(named)
     }
 
-    /// The files of the paths that begin with `crate::` or `super::`.
-    fn followed(&self, source: &str, code: &str) -> Vec<String> {
-        let (Some(at), path) = (source.find("/src/"), Path::new(source)) else { return Vec::new() };
-        let own = path.with_extension("");
-        let own = if own.ends_with("mod") { own.parent().unwrap_or(&own).to_owned() } else { own };
-        let mut found = Vec::new();
-        for path in paths(code) {
-            let mut base = match path[0].as_str() {
-                "crate" => source[..at + 4].to_owned(),
-                _ => own.parent().map(|folder| folder.display().to_string()).unwrap_or_default(),
-            };
-            let mut file = None;
-            for name in &path[1..] {
-                if name == "super" {
-                    base = base.rsplit_once('/').map_or(base.clone(), |(above, _)| above.to_owned());
-                    continue;
-                }
-                let deeper = format!("{base}/{name}");
-                let candidates = [format!("{deeper}.rs"), format!("{deeper}/mod.rs")];
-                let Some(found) = candidates.into_iter().find(|file| self.files.contains(file)) else { break };
-                (file, base) = (Some(found), deeper);
-            }
-            // An item of the module above is defined in its own file.
-            let above =
-                || Some(format!("{base}/mod.rs")).filter(|file| path[0] == "super" && self.files.contains(file));
-            found.extend(file.or_else(above));
-        }
-        found
+    /// The files that define what a source of the lab names.
+    fn followed(&self, source: &str) -> Result<Vec<String>> {
+        let Some(module) = self.lab.iter().find(|module| module.file == root().join(source)) else {
+            return Ok(Vec::new());
+        };
+        let file = |module: &Module| Ok(text(module.file.strip_prefix(root())?)?.to_owned());
+        used(&self.lab, module).into_iter().map(file).collect()
     }
 
     /// One hash of these files as they are, and of the compiler.
@@ -242,29 +215,6 @@ fn git_hash(flags: &[&str], input: &str) -> Result<String> {
     })?;
     ensure!(output.status.success(), "git hash-object failed ({})", output.status);
     String::from_utf8(output.stdout).context("git hash-object")
-}
-
-/// The packages of a workspace, by `cargo metadata`, which needs no network for them.
-fn packages(folder: &str, is_member: bool) -> Result<BTreeMap<String, Package>> {
-    let manifest = root().join(folder).join("Cargo.toml");
-    let args = ["metadata", "--no-deps", "--format-version", "1", "--manifest-path", text(&manifest)?];
-    let told: Value = serde_json::from_str(&stdout_of(120, "cargo", &args, &root())?)?;
-    let package = |package: &Value| -> Result<(String, Package)> {
-        let name = package["name"].as_str().context("a package without a name")?;
-        let manifest = Path::new(package["manifest_path"].as_str().context("a package without a manifest")?);
-        let folder = manifest.parent().context("a manifest without a folder")?;
-        let folder =
-            text(folder.strip_prefix(root().canonicalize()?).or_else(|_| folder.strip_prefix(root()))?)?.to_owned();
-        let (mut uses, mut tests_use) = (BTreeSet::new(), BTreeSet::new());
-        for dependency in package["dependencies"].as_array().into_iter().flatten() {
-            if dependency["path"].is_string() {
-                let into = if dependency["kind"] == "dev" { &mut tests_use } else { &mut uses };
-                into.extend(dependency["name"].as_str().map(str::to_owned));
-            }
-        }
-        Ok((name.to_owned(), Package { folder, uses, tests_use, is_member }))
-    };
-    told["packages"].as_array().context("cargo metadata without packages")?.iter().map(package).collect()
 }
 
 /// The module that a line declares.

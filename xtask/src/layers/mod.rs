@@ -20,7 +20,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail, ensure};
 use xtask::shell::root;
 
-use crate::paths::{code, paths};
+use crate::source::packages::{Package, packages};
+use crate::source::paths::{code, paths};
 
 /// Room by room, the rooms that it uses.
 type Arrows = BTreeMap<String, BTreeSet<String>>;
@@ -38,21 +39,21 @@ const CRATES: &str = "Crates";
 pub(crate) fn layers() -> Result<()> {
     let text = fs::read_to_string(root().join("ARCHITECTURE.md")).context("cannot read ARCHITECTURE.md")?;
     let drawn = drawing(&text)?;
-    let folders = crate_folders()?;
+    let packages = packages(".", true)?;
     let mut findings = Vec::new();
     for (scope, arrows) in &drawn {
-        let found = match folders.get(scope) {
-            Some(folder) => modules(&folder.join("src"))?,
-            None if scope == CRATES => crates(&folders)?,
+        let found = match packages.get(scope) {
+            Some(package) => rooms(&root().join(&package.folder).join("src"))?,
+            None if scope == CRATES => crates(&packages),
             None => bail!("ARCHITECTURE.md has a table of `{scope}`, which is no crate of the workspace"),
         };
         findings.extend(differences(arrows, &found).into_iter().map(|what| format!("{scope}: {what}")));
         findings.extend(circle(arrows).map(|rooms| format!("{scope}: a circle in the drawing: {rooms}")));
     }
-    let outside = OUTSIDE.map(|name| (name.to_owned(), root().join(name)));
+    let inside = packages.iter().map(|(name, package)| (name.as_str(), package.folder.as_str()));
     let mut of_files = BTreeSet::new();
-    for (name, folder) in folders.into_iter().chain(outside) {
-        let source = folder.join("src");
+    for (name, folder) in inside.chain(OUTSIDE.map(|name| (name, name))) {
+        let source = root().join(folder).join("src");
         if source.is_dir() {
             of_files.extend(files::findings(&source)?.into_iter().map(|what| format!("{name}: {what}")));
         }
@@ -96,42 +97,13 @@ fn quoted(text: &str) -> impl Iterator<Item = &str> {
     text.split('`').skip(1).step_by(2)
 }
 
-/// The folder of each package of the workspace, by its name.
-fn crate_folders() -> Result<BTreeMap<String, PathBuf>> {
-    let text = fs::read_to_string(root().join("Cargo.toml"))?;
-    let members = text.lines().find_map(|line| line.strip_prefix("members = ")).context("no members in Cargo.toml")?;
-    let folders = members.split('"').skip(1).step_by(2).map(|member| root().join(member));
-    folders.map(|folder| Ok((package_name(&folder)?, folder))).collect()
-}
-
-fn package_name(folder: &Path) -> Result<String> {
-    let text = fs::read_to_string(folder.join("Cargo.toml")).with_context(|| format!("{}", folder.display()))?;
-    let name = text.lines().find_map(|line| line.strip_prefix("name = ")).context("a package without a name")?;
-    Ok(name.trim().trim_matches('"').to_owned())
-}
-
 /// Dependencies among the packages of the workspace.
-fn crates(folders: &BTreeMap<String, PathBuf>) -> Result<Arrows> {
-    let of = |(name, folder): (&String, &PathBuf)| {
-        let text = fs::read_to_string(folder.join("Cargo.toml"))?;
-        let mut section = "";
-        let mut uses = BTreeSet::new();
-        for line in text.lines() {
-            if line.starts_with('[') {
-                section = line;
-            }
-            let dependency = line.split(['.', ' ', '=']).next().unwrap_or_default();
-            if section == "[dependencies]" && folders.contains_key(dependency) {
-                uses.insert(dependency.to_owned());
-            }
-        }
-        Ok((name.clone(), uses))
-    };
-    folders.iter().map(of).collect()
+fn crates(packages: &BTreeMap<String, Package>) -> Arrows {
+    packages.iter().map(|(name, package)| (name.clone(), package.uses.clone())).collect()
 }
 
 /// Imports among the top-level modules of a crate.
-fn modules(source: &Path) -> Result<Arrows> {
+fn rooms(source: &Path) -> Result<Arrows> {
     let mut names = BTreeSet::new();
     for entry in fs::read_dir(source).with_context(|| format!("{}", source.display()))? {
         let path = entry?.path();
