@@ -85,8 +85,14 @@ impl Tree {
             files.insert(source);
         }
         let is_every = matches!(part.packages, Packages::Every);
+        let tested = if with_tests { packages.clone() } else { BTreeSet::new() };
         for package in self.closure(packages, with_tests)? {
-            files.extend(self.of_package(&self.packages[&package].folder, is_every)?);
+            let folder = &self.packages[&package].folder;
+            let mut of_package = self.of_package(folder, is_every)?;
+            if !tested.contains(&package) {
+                of_package.retain(|file| !is_of_tests(file, folder));
+            }
+            files.extend(of_package);
         }
         Ok(files)
     }
@@ -151,11 +157,14 @@ impl Tree {
                 named.packages.insert(literal);
                 continue;
             }
-            let below = self.below(&literal);
+            let mut below = self.below(literal.trim_start_matches("../"));
             let manifests = below.iter().filter_map(|file| file.strip_suffix("/Cargo.toml"));
             let folders: Vec<String> = manifests.map(str::to_owned).collect();
             let of_folder = self.packages.iter().filter(|(_, package)| folders.contains(&package.folder));
-            named.packages.extend(of_folder.map(|(name, _)| name.clone()));
+            for (name, package) in of_folder {
+                named.packages.insert(name.clone());
+                below.retain(|file| package.folder == literal || !is_of_tests(file, &package.folder));
+            }
             named.files.extend(below);
         }
         // The tasks of xtask start processes, and name what these read; they call each other's helpers.
@@ -215,6 +224,12 @@ fn git_hash(flags: &[&str], input: &str) -> Result<String> {
     })?;
     ensure!(output.status.success(), "git hash-object failed ({})", output.status);
     String::from_utf8(output.stdout).context("git hash-object")
+}
+
+/// True for the tests, examples and benchmarks of a package, which nothing is built from.
+fn is_of_tests(file: &str, folder: &str) -> bool {
+    let below = file.strip_prefix(folder).and_then(|below| below.strip_prefix('/'));
+    below.is_some_and(|below| ["tests/", "examples/", "benches/"].iter().any(|tests| below.starts_with(tests)))
 }
 
 /// The module that a line declares.
@@ -299,6 +314,25 @@ mod tests {
             }
             assert!(!inputs.contains("ci/passed.toml"), "{name} depends on what CI writes");
         }
+    }
+
+    /// The hunt runs the program, which no test is built into; a study is a test of one crate alone.
+    #[test]
+    fn tests_are_inputs_of_the_parts_that_run_them() {
+        let tree = Tree::read().unwrap();
+        let of_tests = |name: &str| -> BTreeSet<String> {
+            let part = PARTS.iter().find(|part| part.name == name).unwrap();
+            let folders = tree.packages.values().map(|package| package.folder.as_str());
+            let inputs = tree.inputs(part).unwrap();
+            folders.filter(|folder| inputs.iter().any(|file| is_of_tests(file, folder))).map(str::to_owned).collect()
+        };
+        for name in ["hunt", "dist", "features", "firmware", "fpga", "conserve"] {
+            assert!(of_tests(name).is_empty(), "{name} depends on tests in {:?}", of_tests(name));
+        }
+        assert_eq!(of_tests("studies of fit"), owned(&["crates/sagnac"]));
+        assert_eq!(of_tests("wheel"), owned(&["python"]));
+        // The flash that fails is a file of the core's tests.
+        assert_eq!(of_tests("c"), owned(&["crates/sagnac-core"]));
     }
 
     #[test]

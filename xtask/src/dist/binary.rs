@@ -39,11 +39,11 @@ pub(super) fn build() -> Result<PathBuf> {
 fn tools() -> Result<PathBuf> {
     let venv = target().join("dist-tools");
     let programs = venv.join("bin");
-    if !programs.join("python").exists() {
+    if !programs.join("python3").exists() {
         sh("python3", &["-m", "venv", text(&venv)?])?;
     }
     let install = ["-m", "pip", "install", "--quiet", "--disable-pip-version-check"];
-    sh(text(&programs.join("python"))?, &[&install[..], &TOOLS].concat())?;
+    sh(text(&programs.join("python3"))?, &[&install[..], &TOOLS].concat())?;
     Ok(programs)
 }
 
