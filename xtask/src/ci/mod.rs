@@ -45,7 +45,7 @@ pub(crate) fn ci(flags: &[&str]) -> Result<()> {
     if let Some(unknown) = flags.iter().find(|flag| !FLAGS.contains(flag)) {
         bail!("no such flag: {unknown}; there are --all and --list");
     }
-    let passed = Passed::read()?;
+    let passed = Passed::read(root().join("ci/passed.toml"))?;
     let planned = plan(&passed, flags.contains(&"--all"))?;
     for Planned { part, why, is_due, .. } in &planned {
         println!("{} {:18} {why}", if *is_due { "run " } else { "skip" }, part.name);
@@ -56,7 +56,7 @@ pub(crate) fn ci(flags: &[&str]) -> Result<()> {
     let due: Vec<&Planned> = planned.iter().filter(|planned| planned.is_due).collect();
     let tools: Vec<_> = due.iter().flat_map(|planned| planned.part.tools.concat()).collect();
     need(&tools)?;
-    run(&due, passed)
+    run(&due, passed, run_one)
 }
 
 fn plan(passed: &Passed, all: bool) -> Result<Vec<Planned>> {
@@ -90,7 +90,8 @@ struct Work<'a> {
     failed: Vec<&'static str>,
 }
 
-fn run(due: &[&Planned], passed: Passed) -> Result<()> {
+/// Runs parts, each by `run_one`.
+fn run(due: &[&Planned], passed: Passed, run_one: impl Fn(&Planned) -> Result<Pass> + Copy + Sync) -> Result<()> {
     let mut work =
         Work { on_all: VecDeque::new(), on_one: VecDeque::new(), passed, table: String::new(), failed: Vec::new() };
     for planned in due {
@@ -104,8 +105,8 @@ fn run(due: &[&Planned], passed: Passed) -> Result<()> {
     let wall = Instant::now();
     thread::scope(|scope| {
         // Who has run the one list helps with the other, so that no processor waits.
-        scope.spawn(|| take(&work, |work| work.on_one.pop_front()));
-        take(&work, |work| work.on_all.pop_front().map(|one| vec![one]).or_else(|| work.on_one.pop_front()));
+        scope.spawn(|| take(&work, run_one, |work| work.on_one.pop_front()));
+        take(&work, run_one, |work| work.on_all.pop_front().map(|one| vec![one]).or_else(|| work.on_one.pop_front()));
     });
     let work = work.into_inner().unwrap_or_else(PoisonError::into_inner);
     println!("{:18} {:>8} {:>12}\n{}", "part", "wall, s", "processor, s", work.table);
@@ -115,7 +116,11 @@ fn run(due: &[&Planned], passed: Passed) -> Result<()> {
 }
 
 /// Takes rows of parts until there is none, or one has failed.
-fn take<'a>(work: &Mutex<Work<'a>>, next: impl Fn(&mut Work<'a>) -> Option<Vec<&'a Planned>>) {
+fn take<'a>(
+    work: &Mutex<Work<'a>>,
+    run_one: impl Fn(&Planned) -> Result<Pass>,
+    next: impl Fn(&mut Work<'a>) -> Option<Vec<&'a Planned>>,
+) {
     let locked = || work.lock().unwrap_or_else(PoisonError::into_inner);
     loop {
         let row = {
@@ -218,6 +223,42 @@ mod tests {
                 assert!(known && words[1..].iter().all(|flag| FLAGS.contains(flag)), "{path}: cargo xtask {command}");
             }
         }
+    }
+
+    /// Its line is gone from when it begins, so that an interruption leaves none either.
+    #[test]
+    fn a_failed_part_loses_its_line_and_one_that_passes_gets_its_own() {
+        let path = target().join(format!("passed-{}.toml", std::process::id()));
+        let line = |name| {
+            format!("\"{name}\" = {{ inputs = \"old\", passed = \"2026-11-01\", wall_s = 1, processor_s = 1 }}\n")
+        };
+        fs::create_dir_all(target()).unwrap();
+        fs::write(&path, ["c", "deny", "fpga"].map(line).concat()).unwrap();
+        let planned = |name: &str| Planned {
+            part: PARTS.iter().find(|part| part.name == name).unwrap(),
+            hash: "new".to_owned(),
+            why: String::new(),
+            is_due: true,
+        };
+        let lines = || fs::read_to_string(&path).unwrap();
+        let (passes, fails) = (planned("deny"), planned("fpga"));
+        let ended = run(&[&passes, &fails], Passed::read(path.clone()).unwrap(), |planned| {
+            ensure!(!lines().contains(planned.part.name), "its line is there while it runs");
+            ensure!(planned.part.name != "fpga", "it fails");
+            Ok(Pass { inputs: planned.hash.clone(), date: "2026-11-27".to_owned(), wall_s: 2, processor_s: 2 })
+        });
+        assert_eq!(ended.unwrap_err().to_string(), "failed: fpga");
+        let left = Passed::parse(&lines()).unwrap();
+        assert_eq!(left.of("fpga"), None);
+        assert_eq!(left.of("c").unwrap().inputs, "old");
+        // One that another's failure has kept from running has its line still.
+        assert!(["new", "old"].contains(&left.of("deny").unwrap().inputs.as_str()));
+        run(&[&passes], Passed::read(path.clone()).unwrap(), |planned| {
+            Ok(Pass { inputs: planned.hash.clone(), date: "2026-11-27".to_owned(), wall_s: 2, processor_s: 2 })
+        })
+        .unwrap();
+        assert_eq!(Passed::parse(&lines()).unwrap().of("deny").unwrap().inputs, "new");
+        fs::remove_file(path).unwrap();
     }
 
     #[test]

@@ -5,7 +5,6 @@ use std::fs;
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use xtask::shell::root;
 
 /// A part as it last passed.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,15 +21,19 @@ const HEAD: &str = "# Written by `cargo xtask ci`: each part as it last passed. 
 
 /// The file.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Passed(BTreeMap<String, Pass>);
+pub(crate) struct Passed {
+    path: PathBuf,
+    parts: BTreeMap<String, Pass>,
+}
 
 impl Passed {
     /// None have passed where there is no file.
-    pub(crate) fn read() -> Result<Self> {
-        match fs::read_to_string(path()) {
-            Ok(text) => Self::parse(&text),
-            Err(_) => Ok(Self::default()),
-        }
+    pub(crate) fn read(path: PathBuf) -> Result<Self> {
+        let parts = match fs::read_to_string(&path) {
+            Ok(text) => Self::parse(&text)?.parts,
+            Err(_) => BTreeMap::new(),
+        };
+        Ok(Self { path, parts })
     }
 
     pub(super) fn parse(text: &str) -> Result<Self> {
@@ -38,7 +41,7 @@ impl Passed {
         let parts = lines.map(|(at, line)| {
             line_of(line).with_context(|| format!("ci/passed.toml:{}: no line of a part: {line}; delete it", at + 1))
         });
-        Ok(Self(parts.collect::<Result<_>>()?))
+        Ok(Self { path: PathBuf::new(), parts: parts.collect::<Result<_>>()? })
     }
 
     fn text(&self) -> String {
@@ -48,35 +51,31 @@ impl Passed {
                 "\"{name}\" = {{ inputs = \"{inputs}\", passed = \"{date}\", wall_s = {wall_s}, processor_s = {processor_s} }}\n"
             )
         };
-        HEAD.to_owned() + &self.0.iter().map(line).collect::<String>()
+        HEAD.to_owned() + &self.parts.iter().map(line).collect::<String>()
     }
 
     pub(crate) fn of(&self, part: &str) -> Option<&Pass> {
-        self.0.get(part)
+        self.parts.get(part)
     }
 
     /// Takes a part out before it runs: one that fails or is interrupted has not passed.
     pub(crate) fn forget(&mut self, part: &str) -> Result<()> {
-        self.0.remove(part);
+        self.parts.remove(part);
         self.write()
     }
 
     pub(crate) fn add(&mut self, part: &str, pass: Pass) -> Result<()> {
-        self.0.insert(part.to_owned(), pass);
+        self.parts.insert(part.to_owned(), pass);
         self.write()
     }
 
     fn write(&self) -> Result<()> {
-        let path = path();
+        let path = &self.path;
         fs::create_dir_all(path.parent().context("a file without a folder")?)?;
         let new = path.with_extension("toml.new");
         fs::write(&new, self.text()).with_context(|| format!("cannot write {}", new.display()))?;
-        fs::rename(&new, &path).with_context(|| format!("cannot write {}", path.display()))
+        fs::rename(&new, path).with_context(|| format!("cannot write {}", path.display()))
     }
-}
-
-fn path() -> PathBuf {
-    root().join("ci/passed.toml")
 }
 
 fn line_of(line: &str) -> Option<(String, Pass)> {
@@ -101,7 +100,8 @@ mod tests {
     #[test]
     fn what_is_written_is_read_and_a_broken_line_is_named() {
         let pass = Pass { inputs: "5f2c".to_owned(), date: "2026-11-27".to_owned(), wall_s: 31, processor_s: 55 };
-        let passed = Passed([("studies of fit", &pass), ("c", &pass)].map(|(n, p)| (n.to_owned(), p.clone())).into());
+        let parts = [("studies of fit", &pass), ("c", &pass)].map(|(n, p)| (n.to_owned(), p.clone()));
+        let passed = Passed { parts: parts.into(), ..Passed::default() };
         let text = passed.text();
         assert_eq!(Passed::parse(&text).unwrap(), passed);
         assert!(text.find("\"c\"").unwrap() < text.find("\"studies").unwrap(), "sorted: {text}");
