@@ -39,17 +39,19 @@ pub(crate) fn firmware() -> Result<()> {
     fs::create_dir_all(&folder)?;
     let sysroot = sysroot(&folder)?;
     let unit = unit(&folder)?;
-    let refused = build(&sysroot, &unit.image, &unit.loops, &["--features", "broken"])
+    let refused = build(&sysroot, &unit.image, &unit.loops, &["--features", "broken", "--bin", "gyro"])
         .err()
         .context("a firmware with a panic path links")?;
     let reason = format!("{refused:#}");
     ensure!(reason.contains("sagnac_firmware_has_a_panic_path"), "it fails for another reason: {reason}");
     build(&sysroot, &unit.image, &unit.loops, &[])?;
     println!("check: no panic path in the linked programs, and with one they do not link");
-    for line in emulate("vectors", &["-serial", "null"], 300)?.lines() {
+    for line in emulate("vectors", &["-serial", "null"], &folder, 300)?.lines() {
         println!("check: Rust on the target: {line}");
     }
-    instructions(&sysroot, &folder, &unit)?;
+    instructions(&folder)?;
+    costs(&folder)?;
+    prices(&folder)?;
     line_of(&folder, &unit, "without dither", 0, 600)?;
     line_of(&folder, &unit, "dithered", 60, 60)?;
     signed_while_ticks_run(&sysroot, &folder, &unit)?;
@@ -176,29 +178,41 @@ pub(crate) fn built(program: &str) -> PathBuf {
     root().join(format!("target/firmware/build/{TARGET}/release/{program}"))
 }
 
-/// Runs a program in the emulator and returns its output. The exit status is the program's own verdict.
-fn emulate(program: &str, args: &[&str], seconds: u32) -> Result<String> {
+/// Runs a program in the emulator, in a folder, and returns its output. The exit status is the program's own verdict.
+fn emulate(program: &str, args: &[&str], folder: &Path, seconds: u32) -> Result<String> {
     let path = built(program);
     let machine = ["-M", "mps2-an386", "-cpu", "cortex-m4", "-nographic", "-monitor", "none"];
     let hosting = ["-semihosting-config", "enable=on,target=native", "-kernel", text(&path)?];
-    stdout_of(seconds, "qemu-system-arm", &[&machine[..], &hosting, args].concat(), &root())
+    stdout_of(seconds, "qemu-system-arm", &[&machine[..], &hosting, args].concat(), folder)
 }
 
+/// Instructions and stack, as a program that measures has printed them.
+struct Measured(String);
+
+impl Measured {
+    /// Writes the image where the program looks for it, and runs the one in Rust.
+    fn of(image: &Image, folder: &Path) -> Result<Self> {
+        fs::write(folder.join(MEASURED), sagnac::export::image_bytes(image))?;
+        Ok(Self(emulate("measure", &["-serial", "null", "-icount", "shift=0"], folder, 120)?))
+    }
+
+    fn number(&self, name: &str) -> Result<u32> {
+        let line = self.0.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
+        Ok(line.with_context(|| format!("no {name}: {}", self.0))?.trim().parse()?)
+    }
+}
+
+/// The image of both programs that measure, in the emulator's working folder.
+const MEASURED: &str = "measured.img";
+
 /// Instructions of the image with bias 5, rate 1 and scale 2, which the vectors hold.
-fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
-    let image = folder.join("full.img");
-    fs::write(&image, sagnac::export::image_bytes(&image_of("compensator-full")?))?;
-    build(sysroot, &image, &unit.loops, &["--bin", "measure"])?;
-    let stdout = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
-    let number = |name: &str| -> Result<u32> {
-        let line =
-            stdout.lines().find_map(|line| line.strip_prefix(name)).with_context(|| format!("no {name}: {stdout}"))?;
-        Ok(line.trim().parse()?)
-    };
-    let tick = number("tick")?;
-    let [slewing, whole, slow] = [number("tick-slewing")?, number("tick-whole")?, number("slow-update")?];
+fn instructions(folder: &Path) -> Result<()> {
+    let measured = Measured::of(&image_of("compensator-full")?, folder)?;
+    let [tick, limited] = [measured.number("tick")?, measured.number("tick-limited")?];
+    let [slewing, whole, slow] = ["tick-slewing", "tick-whole", "slow-update"].map(|name| measured.number(name));
+    let (slewing, whole, slow) = (slewing?, whole?, slow?);
     println!("check: compensation tick {tick} instructions, {slewing} while slewing (at most {})", MOST[0]);
-    println!("check: tick at the output limit, slewing: {} instructions", number("tick-limited")?);
+    println!("check: tick at the output limit, slewing: {limited} instructions");
     println!("check: tick with stripping, both loops and frame {whole} instructions on average (at most {})", MOST[1]);
     println!("check: slow update at bias 5, rate 1, scale 2: {slow} instructions (at most {})", MOST[2]);
     println!("       instructions, not cycles: a 100 MHz part has 10,000 cycles per tick");
@@ -207,43 +221,33 @@ fn instructions(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
     {
         ensure!(found <= most, "{name}: {found} instructions, at most {most}");
     }
-    costs(sysroot, folder, unit)?;
-    prices(sysroot, folder, unit)?;
-    // Rebuild the other programs with the unit's own image.
-    build(sysroot, &unit.image, &unit.loops, &[])
+    Ok(())
 }
 
 /// Largest numbers of instructions of a slice: Rust and C.
 const MOST_SLICE: [u32; 2] = [700, 1600];
 
 /// Best, typical and worst image: instructions and stack, in Rust and in C.
-fn prices(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
+fn prices(folder: &Path) -> Result<()> {
     let full = image_of("compensator-full")?;
     let images = [("best", with_terms(&full, 1, |_| false)?), ("typical", full), ("worst", worst(&full)?)];
     let c = c_measure(folder)?;
     for (name, image) in images {
-        let path = folder.join("measured.img");
-        fs::write(&path, sagnac::export::image_bytes(&image))?;
-        build(sysroot, &path, &unit.loops, &["--bin", "measure"])?;
-        let rust = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 120)?;
-        let hosting = "enable=on,target=native,arg=measure,arg=measured.img";
+        let rust = Measured::of(&image, folder)?;
+        let hosting = format!("enable=on,target=native,arg=measure,arg={MEASURED}");
         let machine = ["-M", "mps2-an386", "-cpu", "cortex-m4", "-nographic", "-monitor", "none", "-serial", "null"];
-        let rest = ["-icount", "shift=0", "-semihosting-config", hosting, "-kernel", text(&c)?];
-        let c = stdout_of(120, "qemu-system-arm", &[&machine[..], &rest].concat(), folder)?;
+        let rest = ["-icount", "shift=0", "-semihosting-config", &hosting, "-kernel", text(&c)?];
+        let c = Measured(stdout_of(120, "qemu-system-arm", &[&machine[..], &rest].concat(), folder)?);
         for ((language, said), most) in [("Rust", rust), ("C", c)].into_iter().zip(MOST_SLICE) {
-            let number = |name: &str| -> Result<u32> {
-                let line = said.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(' '));
-                Ok(line.with_context(|| format!("no {name}: {said}"))?.trim().parse()?)
-            };
-            let [update, slice] = [number("slow-update")?, number("slice")?];
+            let [update, slice] = [said.number("slow-update")?, said.number("slice")?];
             println!(
                 "check: price: {name}, {language}: slow update {update}, largest slice {slice}, tick {} / {} slewing / {} limited; \
                  stack {} B update, {} B tick",
-                number("tick")?,
-                number("tick-slewing")?,
-                number("tick-limited")?,
-                number("stack-update")?,
-                number("stack-tick")?
+                said.number("tick")?,
+                said.number("tick-slewing")?,
+                said.number("tick-limited")?,
+                said.number("stack-update")?,
+                said.number("stack-tick")?
             );
             ensure!(slice <= most, "{name}, {language}: a slice of {slice} instructions, at most {most}");
         }
@@ -329,18 +333,13 @@ fn priced(full: &Image, inputs: &Image, harmonic: &Image, lags: &Image) -> Resul
 }
 
 /// Checks the cost formula of `calibrate --tradeoff` against the counted instructions of several images.
-fn costs(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
+fn costs(folder: &Path) -> Result<()> {
     let [full, inputs, harmonic, lags] =
         ["full", "inputs", "harmonic", "lags"].map(|name| image_of(&format!("compensator-{name}")));
     let mut wrong = Vec::new();
     for (name, image) in priced(&full?, &inputs?, &harmonic?, &lags?)? {
-        let path = folder.join("priced.img");
-        fs::write(&path, sagnac::export::image_bytes(&image))?;
-        build(sysroot, &path, &unit.loops, &["--bin", "measure"])?;
-        let stdout = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
-        let counted = stdout.lines().find_map(|line| line.strip_prefix("slow-update ")).context("no slow-update")?;
         let work = image.work();
-        let (counted, priced): (u32, u32) = (counted.trim().parse()?, work.instructions());
+        let (counted, priced) = (Measured::of(&image, folder)?.number("slow-update")?, work.instructions());
         println!(
             "check: {name}: slow update of {counted} instructions, {priced} by the formula of docs/explanation/method.md ({work:?})"
         );
@@ -397,7 +396,7 @@ fn over_the_line(folder: &Path, bytes: Vec<u8>) -> Result<(Vec<u8>, String)> {
     let ours = socket.clone();
     let emulated = std::thread::spawn(move || {
         let args = ["-chardev", &port, "-serial", "chardev:line", "-icount", "shift=0,sleep=off"];
-        let stdout = emulate("gyro", &args, 900);
+        let stdout = emulate("gyro", &args, &root(), 900);
         // If the emulator failed to start, connect in its place so that the other side does not wait forever.
         let _ = UnixStream::connect(ours);
         stdout
@@ -442,11 +441,9 @@ const ROW_SECONDS: u32 = 20;
 fn signed_while_ticks_run(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
     let signer = Signer::from_seed(&[42; 32]);
     fs::write(folder.join("unit.key"), signer.public().bytes())?;
-    build(sysroot, &unit.image, &unit.loops, &["--features", "signed", "--bin", "measure"])?;
-    let stdout = emulate("measure", &["-serial", "null", "-icount", "shift=0"], 60)?;
-    let verification = stdout.lines().find_map(|line| line.strip_prefix("verification ")).context("no verification")?;
-    println!("check: a signature of 836 bytes takes {} instructions", verification.trim());
-    build(sysroot, &unit.image, &unit.loops, &["--features", "signed,live", "--bin", "gyro"])?;
+    build(sysroot, &unit.image, &unit.loops, &["--features", "signed,live", "--bin", "measure", "--bin", "gyro"])?;
+    let verification = Measured::of(&image_of("compensator-full")?, folder)?.number("verification")?;
+    println!("check: a signature of 836 bytes takes {verification} instructions");
     let (answers, frames) = said(&over_the_line(folder, signed_messages(unit, &signer)?)?.0);
     let refused_and_done = [
         Message::Challenge([1; 16]),
@@ -475,8 +472,7 @@ fn signed_while_ticks_run(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<
         "check: signed upload while ticks run: stored and in force at frame {corrected} of the first row's {whole}, no frame or count lost"
     );
     println!("check: an unsigned, a forged and an unasked image are refused on the way");
-    // The other programs again, without a key.
-    build(sysroot, &unit.image, &unit.loops, &[])
+    Ok(())
 }
 
 /// Counts of each of the two rows.

@@ -1,6 +1,7 @@
 //! Shared by the programs of this folder: the serial port, the unit's image and loops, the end of a run, and the panic check.
 #![no_std]
 
+pub mod host_file;
 #[cfg(feature = "signed")]
 pub mod key;
 pub mod serial;

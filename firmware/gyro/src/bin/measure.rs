@@ -1,6 +1,8 @@
 //! Instructions of a tick and of a slow update. The emulator runs one instruction a nanosecond (`-icount shift=0`), and
 //! SysTick counts 25 MHz of that time: 40 instructions a count, so everything is run many times.
 //!
+//! The image is the file `measured.img` in the emulator's working folder, so that one program measures every image.
+//!
 //! Instructions are not cycles: only the real part shows the effect of flash wait states and its pipeline.
 #![no_std]
 #![no_main]
@@ -11,8 +13,8 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
 use sagnac_board::{ActuatorCodes, Board, Rig, RigSettings, Row};
-use sagnac_core::{Compensator, Description, Image, Origin, Output, SlowUpdate, State, Status};
-use sagnac_firmware::{finish, say, stack, unit_image, unit_loops};
+use sagnac_core::{Compensator, Description, Image, MAX_IMAGE_LEN, Origin, Output, SlowUpdate, State, Status};
+use sagnac_firmware::{finish, host_file, say, stack, unit_loops};
 use sagnac_loops::Stripper;
 
 /// Instructions a count.
@@ -39,7 +41,8 @@ fn instructions_of(times: u32, mut act: impl FnMut()) -> u32 {
 
 #[entry]
 fn main() -> ! {
-    let (Some(image), Some(loops), Some(mut peripherals)) = (unit_image(), unit_loops(), Peripherals::take()) else {
+    let (Some(image), Some(loops), Some(mut peripherals)) = (measured_image(), unit_loops(), Peripherals::take())
+    else {
         finish(false);
     };
     peripherals.SYST.set_clock_source(SystClkSource::Core);
@@ -98,6 +101,11 @@ fn main() -> ! {
     say(format_args!("tick-limited {limited}"));
     say(format_args!("tick-whole {whole}"));
     finish(true)
+}
+
+/// The image whose instructions are counted.
+fn measured_image() -> Option<Image> {
+    Image::decode(host_file::read(c"measured.img", &mut [0; MAX_IMAGE_LEN])?).ok()
 }
 
 /// The check of a signature over the longest image. The signature is wrong, but its parts are a point and a number of the group, so that all of
