@@ -6,6 +6,7 @@ pub mod bless;
 mod closed_loop;
 mod compare;
 mod conserve;
+mod corpus;
 mod exports;
 mod firmware;
 mod formats;

@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, Result, ensure};
 use tempfile::{NamedTempFile, TempDir};
 
-use crate::generated::corpus::{Case, Feed, cases};
+use crate::corpus::{Case, Feed, cases};
 use crate::made::Made;
 use crate::places::ERRORS;
 use crate::program::Program;
@@ -161,7 +161,7 @@ fn row(case: &Case, outcome: &Outcome) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::generated::corpus::example;
+    use crate::corpus::example;
 
     /// Problems of a run that changed no file, with this status and message.
     fn ended(status: i32, stderr: &str) -> Vec<String> {

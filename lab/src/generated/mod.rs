@@ -2,7 +2,6 @@
 
 pub(crate) mod chamber;
 pub(crate) mod circle;
-pub(crate) mod corpus;
 pub(crate) mod errors;
 pub(crate) mod faults;
 mod fields;

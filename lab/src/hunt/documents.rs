@@ -11,7 +11,7 @@ use sagnac_board::frame::{Frame, MAX_PAYLOAD};
 use serde_json::{Map, Value};
 
 use super::chance::Chance;
-use crate::generated::corpus::recrc;
+use crate::corpus::recrc;
 
 /// By what a number is multiplied: mostly by little, so that the document remains one that is accepted.
 const FACTORS: [f64; 9] = [1.0001, 1.01, 0.9, 1.5, 2.0, -1.0, 1e-6, 1e3, 1e9];

@@ -14,7 +14,7 @@ use parquet::basic::{Compression as Codec, GzipLevel, ZstdLevel};
 use parquet::file::properties::{WriterProperties, WriterVersion};
 
 use super::chance::Chance;
-use crate::generated::corpus::gzip;
+use crate::corpus::gzip;
 
 /// Headers of a log's columns besides time.
 const HEADERS: [&str; 22] = [

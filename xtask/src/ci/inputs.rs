@@ -283,10 +283,7 @@ mod tests {
             ("docs", &["docs/SUMMARY.md", "site/src/main.rs", "crates/sagnac-core/src/lib.rs"]),
             ("deny", &["deny.toml", "Cargo.lock", "Cargo.toml"]),
             ("dist", &["xtask/src/dist/pack.rs", "crates/sagnac-cli/src/main.rs", "crates/sagnac/src/lib.rs"]),
-            (
-                "corpus",
-                &["lab/src/generated/corpus/crafted.rs", "docs/reference/errors.md", "crates/sagnac-cli/src/main.rs"],
-            ),
+            ("corpus", &["lab/src/corpus/crafted.rs", "docs/reference/errors.md", "crates/sagnac-cli/src/main.rs"]),
             ("hunt", &["lab/src/hunt/logs.rs", "crates/sagnac-log/src/lib.rs"]),
             ("fuzz", &["fuzz/fuzz_targets/image.rs", "fuzz/counted.sh", "crates/sagnac-bench/src/lib.rs"]),
             ("fleet", &["fleet/src/store.rs", "fleet/Cargo.lock", "crates/sagnac/src/lib.rs"]),

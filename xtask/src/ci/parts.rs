@@ -103,7 +103,7 @@ pub(crate) const PARTS: [Part; 20] = [
     Part {
         name: "fuzz",
         task: &["fuzz", "--smoke"],
-        sources: &["xtask/src/fuzz.rs", "lab/src/generated/corpus"],
+        sources: &["xtask/src/fuzz.rs", "lab/src/corpus"],
         packages: Built(&["sagnac-fuzz"]),
         tools: &[],
         runs: OnAll,

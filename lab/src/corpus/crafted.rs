@@ -13,9 +13,9 @@ use sagnac_core::{Description, Image};
 use super::{Case, Good, batch, case, good, gzip, of_columns, parquet};
 
 /// A gzipped Parquet file whose schema is nested ten thousand deep.
-const NEST: &[u8] = include_bytes!("../../../../testdata/crafted/nest.gz");
+const NEST: &[u8] = include_bytes!("../../../testdata/crafted/nest.gz");
 /// Zstandard Parquet with a cell of 300 MB.
-const CELL: &[u8] = include_bytes!("../../../../testdata/crafted/cell.parquet");
+const CELL: &[u8] = include_bytes!("../../../testdata/crafted/cell.parquet");
 
 pub(super) fn crafted(by: &Good) -> Result<Vec<Case>> {
     let fast = {
