@@ -14,11 +14,11 @@ use anyhow::{Context, Result, bail, ensure};
 use flate2::read::GzDecoder;
 use xtask::shell::root;
 
-use crate::generated::{
+use crate::made::Made;
+use crate::makes::{
     chamber, circle, errors, faults, first_bytes, glossary, image, manual, pages, requirements, scenario_keys, schema,
     vectors,
 };
-use crate::made::Made;
 use crate::program::Program;
 
 /// How files are made, by name.

@@ -10,9 +10,9 @@ mod corpus;
 mod exports;
 mod firmware;
 mod formats;
-mod generated;
 mod hunt;
 mod made;
+mod makes;
 mod pictures;
 mod places;
 mod program;
@@ -20,7 +20,7 @@ mod same;
 
 use anyhow::{Context, Result, bail};
 
-pub use generated::pages::parse_commands;
+pub use makes::pages::parse_commands;
 pub use program::Program;
 
 /// A task by its name, with its arguments.
@@ -35,7 +35,7 @@ pub fn run(args: &[&str]) -> Result<()> {
         "conserve" => conserve::conserve(),
         "corpus" => {
             let folder = rest.first().context("corpus: into which folder?")?;
-            generated::errors::keep(&Program::beside_the_lab()?, folder.as_ref())
+            makes::errors::keep(&Program::beside_the_lab()?, folder.as_ref())
         }
         "firmware" => firmware::firmware(),
         "formats" => formats::formats(),

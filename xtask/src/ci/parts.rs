@@ -98,7 +98,7 @@ pub(crate) const PARTS: [Part; 20] = [
         tools: &[debian::DIST],
         runs: OnAll,
     },
-    of_lab("corpus", &["bless", "--check", "errors"], &["lab/src/generated/errors.rs"], &[debian::CORPUS], OnAll),
+    of_lab("corpus", &["bless", "--check", "errors"], &["lab/src/makes/errors.rs"], &[debian::CORPUS], OnAll),
     of_lab("hunt", &["hunt", "--cases", HUNTED], &["lab/src/hunt"], &[debian::CORPUS], OnAll),
     Part {
         name: "fuzz",

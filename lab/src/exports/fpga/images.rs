@@ -12,8 +12,8 @@ use sagnac_ports::hex_words;
 use sagnac_vectors::{MAGIC, Module};
 
 use super::verdict::{Hardware, verdict};
-use crate::generated::making::Making;
-use crate::generated::making::image_bytes;
+use crate::makes::making::Making;
+use crate::makes::making::image_bytes;
 
 /// Module number of an image alone, for the bench of the hardware.
 const IMAGE_ALONE: u32 = 6;

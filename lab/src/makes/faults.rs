@@ -10,8 +10,8 @@ use serde_json::Value;
 use tempfile::TempDir;
 use xtask::shell::text;
 
-use crate::generated::READY;
 use crate::made::Made;
+use crate::makes::READY;
 use crate::places::FAULTS;
 use crate::program::Program;
 

@@ -8,8 +8,8 @@ use anyhow::Result;
 use sagnac_sim::{LogText, Scenario, truth_header, write_truth};
 use xtask::shell::root;
 
-use crate::generated::READY;
 use crate::made::Made;
+use crate::makes::READY;
 use crate::places::FIRST_BYTES;
 
 const ROWS: usize = 3000;

@@ -6,8 +6,8 @@ use anyhow::Result;
 use sagnac::calibration::Calibration;
 use xtask::shell::root;
 
-use crate::generated::fields;
 use crate::made::Made;
+use crate::makes::fields;
 use crate::places::{CALIBRATION_SCHEMA, RECORD};
 
 pub(crate) fn make() -> Result<Vec<Made>> {

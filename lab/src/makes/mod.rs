@@ -1,4 +1,4 @@
-//! Generated files: one module per kind, each with a function `make`.
+//! What makes the generated files: one module per kind, each with a function `make`.
 
 pub(crate) mod chamber;
 pub(crate) mod circle;

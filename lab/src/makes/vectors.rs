@@ -8,9 +8,9 @@ use sagnac_sim::{LoopDesign, Scenario};
 use sagnac_vectors::{Machine, Module};
 use xtask::shell::root;
 
-use crate::generated::image;
-use crate::generated::making::{Making, image_bytes};
 use crate::made::Made;
+use crate::makes::image;
+use crate::makes::making::{Making, image_bytes};
 
 const LIGHT: u32 = 1 << 9;
 const CLOSED: u32 = 1 << 8;
