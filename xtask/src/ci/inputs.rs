@@ -288,7 +288,7 @@ mod tests {
             ("fuzz", &["fuzz/fuzz_targets/image.rs", "fuzz/counted.sh", "crates/sagnac-bench/src/lib.rs"]),
             ("fleet", &["fleet/src/store.rs", "fleet/Cargo.lock", "crates/sagnac/src/lib.rs"]),
             ("fpga", &["ports/verilog/sagnac_fast.v", "testdata/vectors/watch.hex", "crates/sagnac-core/src/lib.rs"]),
-            ("firmware", &["firmware/gyro/src/lib.rs", "lab/src/firmware.rs", "crates/sagnac-board/src/lib.rs"]),
+            ("firmware", &["firmware/gyro/src/lib.rs", "lab/src/firmware/build.rs", "crates/sagnac-board/src/lib.rs"]),
             (
                 "closed-loop",
                 &["firmware/gyro/closed-loop", "firmware/gyro/src/lib.rs", "crates/sagnac-cli/src/main.rs"],

@@ -117,7 +117,7 @@ pub(crate) const PARTS: [Part; 20] = [
         runs: OnOne,
     },
     of_lab("fpga", &["fpga"], &["lab/src/exports/fpga"], &[debian::FPGA], OnOne),
-    of_lab("firmware", &["firmware"], &["lab/src/firmware.rs"], &[debian::FIRMWARE], OnOne),
+    of_lab("firmware", &["firmware"], &["lab/src/firmware"], &[debian::FIRMWARE], OnOne),
     of_lab("closed-loop", &["closed-loop"], &["lab/src/closed_loop"], &[debian::FIRMWARE], AfterTheOneBefore),
     of_lab("c", &["c"], &["lab/src/exports/c"], &[debian::C], OnOne),
     Part {
