@@ -63,7 +63,8 @@ cargo xtask hunt       [MINUTES] generated inputs of every kind through the prog
 cargo xtask fuzz       [--smoke | --address] [targets] a million executions of every fuzz target or of those named; --smoke: a few
                        seconds of each, in the tests' build; --address: with a sanitizer of memory (needs a nightly compiler)
 cargo xtask c          the exported C: warnings, MISRA, vectors on this machine and on an emulated Cortex-M4F
-cargo xtask fpga       [place] the exported Verilog: lint, vectors in two simulators, synthesis
+cargo xtask fpga       the exported Verilog: lint, vectors in two simulators, synthesis for one family; place: the other families, place
+                       and route, by name before a release
 cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit
 cargo xtask closed-loop  [--picture] the circle with the processor in it: the firmware in QEMU sends, the bench records and fits, the image goes back
                        over the same line, a second cycle runs corrected; --picture: the picture of its page anew

@@ -1,4 +1,5 @@
-//! Synthesis for three families: no latch, the cells, and the netlist run against the vectors; place and route on request.
+//! Synthesis: no latch, the cells of one family, and its netlist run against the vectors. By name, before a release: the whole correction and
+//! the other families, place and route.
 
 use std::fs;
 use std::path::Path;
@@ -23,35 +24,61 @@ const CELLS: &str = "/usr/share/yosys/ice40/cells_sim.v";
 /// Ticks that the netlist runs at least.
 const NETLIST_TICKS: u64 = 100_000;
 
-pub(super) fn all(folder: &Path) -> Result<()> {
+/// A design: its name, how yosys reads it, its top module.
+type Design = (&'static str, String, &'static str);
+
+fn designs() -> [Design; 5] {
     let whole = format!("read_verilog {}", CORRECTION.join(" "));
     let small = Hardware::SMALL.parameters().map(|(name, value)| format!("-set {name} {value}")).join(" ");
-    let small = format!("{whole}; chparam {small} sagnac_correction");
-    let path_length = "read_verilog -I. sagnac_path_length.v".to_owned();
-    for (name, read, top, families) in [
-        ("one thermometer", small, "sagnac_correction", &[ICE40][..]),
-        ("whole", whole, "sagnac_correction", &[ICE40, ECP5, XILINX]),
-        ("path-length loop", path_length, "sagnac_path_length", &[ICE40, ECP5, XILINX]),
-        ("watch", "read_verilog sagnac_watch.v".to_owned(), "sagnac_watch", &[ICE40, ECP5, XILINX]),
-        ("vote of three", "read_verilog sagnac_vote.v".to_owned(), "sagnac_vote", &[ICE40, ECP5, XILINX]),
-    ] {
+    [
+        ("one thermometer", format!("{whole}; chparam {small} sagnac_correction"), "sagnac_correction"),
+        ("whole", whole, "sagnac_correction"),
+        ("path-length loop", "read_verilog -I. sagnac_path_length.v".to_owned(), "sagnac_path_length"),
+        ("watch", "read_verilog sagnac_watch.v".to_owned(), "sagnac_watch"),
+        ("vote of three", "read_verilog sagnac_vote.v".to_owned(), "sagnac_vote"),
+    ]
+}
+
+/// No latch in any design; the cells of an iCE40, and two netlists of it in simulation.
+pub(super) fn one_family(folder: &Path) -> Result<()> {
+    for design in designs() {
+        let (name, read, top) = &design;
         let latches =
             format!("{read}; hierarchy -top {top}; proc; opt; select -assert-none t:$dlatch t:$adlatch t:$sr");
         stdout_of(300, "yosys", &["-q", "-p", &latches], folder)?;
         println!("check: Verilog: {name}: no latch");
-        for (family, synth, counted) in families {
-            let made = format!("{}-{}", name.replace(' ', "-"), family.replace(' ', "-"));
-            let steps = format!(
-                "{read}; {synth} -top {top}; tee -o {made}.txt stat; write_verilog -noattr {made}.v; write_json {made}.json"
-            );
-            stdout_of(900, "yosys", &["-q", "-p", &steps], folder)?;
-            let stat = fs::read_to_string(folder.join(format!("{made}.txt")))?;
-            println!("check: Verilog: {name}, {family}: {}", cells(&stat, counted));
+        // The whole correction takes as long as all others; its modules are those of the small one, with more of them built.
+        if *name != "whole" {
+            synthesise(folder, &design, ICE40)?;
         }
     }
     netlist(folder)?;
     let bench = Bench { folder, top: "tb_watch", modules: &["watch-iCE40.v", "sagnac_vote.v", CELLS] };
     bench.in_verilator("-netlist", &["-DNO_ICE40_DEFAULT_ASSIGNMENTS", "--bbox-unsup"])?.run_vectors("watch")?;
+    Ok(())
+}
+
+/// What [`one_family`] leaves out: the whole correction and the other families.
+pub(super) fn families(folder: &Path) -> Result<()> {
+    for design in designs() {
+        match design.0 {
+            "one thermometer" => {}
+            "whole" => [ICE40, ECP5, XILINX].into_iter().try_for_each(|family| synthesise(folder, &design, family))?,
+            _ => [ECP5, XILINX].into_iter().try_for_each(|family| synthesise(folder, &design, family))?,
+        }
+    }
+    Ok(())
+}
+
+fn synthesise(folder: &Path, design: &Design, (family, synth, counted): (&str, &str, &[&str])) -> Result<()> {
+    let (name, read, top) = design;
+    let made = format!("{}-{}", name.replace(' ', "-"), family.replace(' ', "-"));
+    let steps = format!(
+        "{read}; {synth} -top {top}; tee -o {made}.txt stat; write_verilog -noattr {made}.v; write_json {made}.json"
+    );
+    stdout_of(900, "yosys", &["-q", "-p", &steps], folder)?;
+    let stat = fs::read_to_string(folder.join(format!("{made}.txt")))?;
+    println!("check: Verilog: {name}, {family}: {}", cells(&stat, counted));
     Ok(())
 }
 
