@@ -66,7 +66,7 @@ pub(crate) fn make() -> Result<Vec<Made>> {
         let module = path.file_stem().context("a name")?.to_string_lossy().into_owned();
         references(&path, &mut all, |requirement, _| requirement.verilog.insert(module.clone()))?;
     }
-    let vectors = root().join("lab/src/makes/vectors.rs");
+    let vectors = root().join("lab/src/makes/vectors/mod.rs");
     references(&vectors, &mut all, |requirement, place| requirement.vectors.insert(place))?;
     let mut page = HEAD.to_owned();
     for (id, requirement) in &all {

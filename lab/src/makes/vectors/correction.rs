@@ -1,83 +1,10 @@
-//! The reference vectors in `testdata/vectors/`, made from the core, only after an intended change.
+//! Vectors of the correction: terms, inputs, lags, edges.
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use sagnac_core::{Description, Gain, InputSpec, Kind, LagSpec, MAX_RAW, Multiplier, Shape, Term, ValueSource};
-use sagnac_loops::LoopTable;
-use sagnac_sim::physics::free_spectral_range_hz;
-use sagnac_sim::{LoopDesign, Scenario};
-use sagnac_vectors::{Machine, Module};
-use xtask::shell::root;
+use sagnac_vectors::Module;
 
-use crate::made::Made;
-use crate::makes::image;
 use crate::makes::making::{Making, image_bytes};
-
-const LIGHT: u32 = 1 << 9;
-const CLOSED: u32 = 1 << 8;
-const HOLD: u32 = 1 << 8;
-
-pub(crate) fn make() -> Result<Vec<Made>> {
-    let mirror = loops("triangle-28cm-dithered", true)?;
-    let heater = loops("prism-heater-loop", false)?;
-    Ok(vec![
-        // SAG-CORE-001, SAG-CORE-002, SAG-CORE-005, SAG-CORE-006, SAG-CORE-007, SAG-CORE-011, SAG-CORE-012, SAG-CORE-013
-        compensator_full()?.made("compensator-full")?,
-        // SAG-CORE-007, SAG-CORE-011, SAG-CORE-012, SAG-CORE-013
-        compensator_paper(&image::paper_image()?)?.made("compensator-paper")?,
-        // SAG-CORE-008, SAG-CORE-010, SAG-CORE-011
-        compensator_inputs()?.made("compensator-inputs")?,
-        // SAG-CORE-006, SAG-CORE-009, SAG-CORE-010
-        compensator_harmonic()?.made("compensator-harmonic")?,
-        // SAG-CORE-003, SAG-CORE-004, SAG-CORE-005, SAG-CORE-010
-        compensator_lags()?.made("compensator-lags")?,
-        // SAG-CORE-010, SAG-CORE-020
-        compensator_warm_up()?.made("compensator-warm-up")?,
-        // SAG-CORE-006, SAG-CORE-010, SAG-CORE-014, SAG-CORE-015, SAG-CORE-016, SAG-CORE-017, SAG-CORE-020
-        compensator_edges(9, 1)?.made("compensator-edges")?,
-        compensator_edges(1 << 30, 41)?.made("compensator-advance")?,
-        // SAG-CORE-014, SAG-CORE-015, SAG-CORE-016, SAG-CORE-017
-        compensator_edges(9, 41)?.made("compensator-limits")?,
-        path_length(&mirror, 1, 1500)?.made("path-length-mirror")?,
-        path_length(&heater, 25, 400)?.made("path-length-heater")?,
-        intensity(&mirror.table)?.made("intensity")?,
-        quadrature()?.made("quadrature")?,
-        stripper()?.made("stripper")?,
-        // SAG-CORE-024, SAG-CORE-025
-        watch()?.made("watch")?,
-    ])
-}
-
-/// The loops of a scenario, and their plant.
-struct Loops {
-    table: Vec<u8>,
-    /// Photodiode code at the peak.
-    peak: u32,
-    /// Curvature of the vectors' plant, 2^-32 codes of light per code of actuator squared.
-    curvature: u32,
-    /// Lag of the actuator as a right shift of ticks.
-    lag: u32,
-}
-
-fn loops(scenario: &str, searches: bool) -> Result<Loops> {
-    let text = std::fs::read_to_string(root().join(format!("scenarios/{scenario}/{scenario}.toml")))?;
-    let mut scenario = Scenario::from_toml(&text)?;
-    if !searches {
-        // Without a search, which takes a heater a minute of ticks.
-        scenario.path_length.sweep_s = 0.0;
-    }
-    let design = LoopDesign::build(&scenario)?;
-    let (path_length, intensity) = (design.path_length.integers, design.intensity.integers);
-    let table = LoopTable { tick_ns: 100_000, path_length, intensity };
-    let (light, cavity) = (&scenario.intensity, &scenario.cavity);
-    let peak = light.part_of_range * (light.photodiode_bits - 1.0).exp2();
-    let detuning = free_spectral_range_hz(scenario.geometry.perimeter_m) / (cavity.gain_width_mhz * 1e6);
-    let per_wave = cavity.gain_ratio / (cavity.gain_ratio - 1.0) * 4.0 * std::f64::consts::LN_2 * detuning * detuning;
-    let wavelength = f64::from(path_length.wavelength());
-    let curvature = (peak * per_wave / (wavelength * wavelength) * 32_f64.exp2()) as u32;
-    let lag_ticks = scenario.path_length.rising_lag_s / sagnac_sim::TICK_S;
-    let lag = lag_ticks.max(1.0).log2().round() as u32;
-    Ok(Loops { table: table.encode().to_vec(), peak: peak as u32, curvature, lag })
-}
 
 /// Codes of 2^-24 °C, a lag of 32 updates, a rate span of ±0.25 °C an update.
 fn thermometer(span_c: [i32; 2]) -> Result<InputSpec> {
@@ -119,7 +46,7 @@ fn terms(d: &mut Description, terms: &[(Kind, u8, u8, Multiplier, i32, u8)]) {
 }
 
 /// Bias 5, rate 1, scale 2 through a whole profile: a million ticks.
-fn compensator_full() -> Result<Making> {
+pub(super) fn compensator_full() -> Result<Making> {
     use Kind::{Bias, Scale};
     use Multiplier::{One, Rate};
     let mut d = Description { period_ticks: 1000, ..Description::empty() };
@@ -157,7 +84,7 @@ fn compensator_full() -> Result<Making> {
 
 /// Two thermometers, their difference with a lag of its own, a voltage; zones and steps of bias and scale, with and
 /// without the rate.
-fn compensator_inputs() -> Result<Making> {
+pub(super) fn compensator_inputs() -> Result<Making> {
     use Kind::{Bias, Scale};
     use Multiplier::{One, Rate};
     let mut d = Description { period_ticks: 200, slew_ticks: 50, ..Description::empty() };
@@ -250,7 +177,7 @@ fn compensator_inputs() -> Result<Making> {
 
 /// Two lags of a thermometer and of a difference: the repeats have no code, and are missing with what they repeat. The lags of a
 /// repeat reach from the shortest, a whole step, to 1,024 updates.
-fn compensator_lags() -> Result<Making> {
+pub(super) fn compensator_lags() -> Result<Making> {
     use Kind::{Bias, Scale};
     use Multiplier::{One, Rate};
     let mut d = Description { period_ticks: 50, slew_ticks: 9, ..Description::empty() };
@@ -320,7 +247,7 @@ fn compensator_lags() -> Result<Making> {
 
 /// A warm-up beside a thermometer and a repeat of it: from power-on, over many updates without a sample, and after a change of the
 /// image, when it is over.
-fn compensator_warm_up() -> Result<Making> {
+pub(super) fn compensator_warm_up() -> Result<Making> {
     use Kind::{Bias, Scale};
     use Multiplier::{One, Rate};
     let mut d = Description { period_ticks: 50, slew_ticks: 9, ..Description::empty() };
@@ -385,7 +312,7 @@ fn compensator_warm_up() -> Result<Making> {
 
 /// Cosines and sines from a part of a turn to nearly 64 turns, of bias and scale, with and without the rate, on two thermometers;
 /// x from beyond one end of the span to beyond the other, both ends themselves, and back.
-fn compensator_harmonic() -> Result<Making> {
+pub(super) fn compensator_harmonic() -> Result<Making> {
     use Kind::{Bias, Scale};
     use Multiplier::{One, Rate};
     let mut d = Description { period_ticks: 100, slew_ticks: 20, ..Description::empty() };
@@ -447,7 +374,7 @@ fn is_above(of: &InputSpec, shape: Shape, value: i64) -> bool {
 }
 
 /// The paper's curve at its own period.
-fn compensator_paper(image: &[u8]) -> Result<Making> {
+pub(super) fn compensator_paper(image: &[u8]) -> Result<Making> {
     let about = "compensator: the paper's curve (testdata/image/paper.img), 20 s";
     let mut making = Making::new(Module::Compensator, image.to_vec(), about)?;
     for second in 0..20_u32 {
@@ -461,7 +388,7 @@ fn compensator_paper(image: &[u8]) -> Result<Making> {
 ///
 /// An advance of many ticks into an output limit has no equivalent in single ticks. The test benches of the hardware, which
 /// run single ticks, therefore skip the last of these files.
-fn compensator_edges(output_limit: u32, longest: u32) -> Result<Making> {
+pub(super) fn compensator_edges(output_limit: u32, longest: u32) -> Result<Making> {
     use Kind::{Bias, Scale};
     use Multiplier::{One, Rate};
     let mut d = Description { period_ticks: 40, slew_ticks: 7, output_limit, ..Description::empty() };
@@ -523,167 +450,4 @@ fn compensator_edges(output_limit: u32, longest: u32) -> Result<Making> {
         making.step(2, &[11, seed, 3, 2])?;
     }
     Ok(making)
-}
-
-/// Search, lock, drift through mode resets, noise, darkness, a jump that loses the lock.
-fn path_length(of: &Loops, longer: u32, runs: u32) -> Result<Making> {
-    let about = "path-length loop: search, lock, drift through mode resets, noise, darkness, jumps";
-    let path_length = LoopTable::decode(&of.table)?.path_length;
-    let period = u32::from(path_length.ticks_per_period());
-    let wavelength = path_length.wavelength();
-    let mut making = Making::new(Module::PathLength, of.table.clone(), about)?;
-    making.step(0, &[])?;
-    let (mut place_q32, mut closed) = (i64::from(wavelength / 5) << 32, 0);
-    for run in 0..runs {
-        let dice = run.wrapping_mul(2_654_435_761) >> 8;
-        let drift = match run / 60 % 6 {
-            0 => 0,
-            1 => wavelength * 20,
-            2 => -wavelength * 40,
-            3 => wavelength * 3,
-            4 => wavelength * 90,
-            _ => -wavelength * 90,
-        } / (8 * longer as i32);
-        if run % 170 == 169 {
-            place_q32 += i64::from(wavelength) << 31;
-        }
-        let dark = run % 250 > 242 && run % 250 < 248;
-        let ticks = period * (1 + dice % 24) * longer;
-        // From none to a 512th of the light, and for a while to a sixteenth, in which no peak shows.
-        let less = if run % 700 < 12 { [8, 4, 0] } else { [99, 8, 5] }[(dice / 64 % 3) as usize];
-        let bits = (of.peak.ilog2() - 4).saturating_sub(less);
-        let flags = bits | if dark { 0 } else { LIGHT } | of.lag << 16;
-        let [low, high] = [place_q32 as u32, (place_q32 >> 32) as u32];
-        let inputs = [ticks, dice, low, high, drift as u32, of.peak, of.curvature, flags];
-        // A trial run determines whether the loop is closed during the whole run.
-        let mut tried = making.machine;
-        tried.step(1, &inputs).context("run")?;
-        let Machine::PathLength(path) = &tried else { anyhow::bail!("not a path-length machine") };
-        let mut with = inputs;
-        with[7] |= if path.was_closed() { CLOSED } else { 0 };
-        closed += u32::from(path.was_closed());
-        making.step(1, &with)?;
-        place_q32 += (i64::from(drift) << 16) * i64::from(ticks);
-    }
-    // The Verilog is checked on these alone.
-    anyhow::ensure!(5 * closed > 2 * runs, "closed in {closed} of {runs} runs alone");
-    Ok(making)
-}
-
-/// Ignition with and without light, regulation, dimming, hold, the end of the range, failure.
-fn intensity(table: &[u8]) -> Result<Making> {
-    let about = "intensity loop: ignition, regulation, dimming lamp, hold, end of range, failure";
-    let loops = LoopTable::decode(table)?;
-    let fields = loops.intensity.fields();
-    let field = |wanted: &str| fields.iter().find(|(name, _)| *name == wanted).map(|(_, value)| *value as f64);
-    let (set, most) = (field("set_point").context("set_point")?, field("most").context("most")?);
-    let ticks = f64::from(loops.intensity.ticks_per_update());
-    // The set point at 60 % of the largest current.
-    let gain = set / ticks / (0.6 * most) * 65_536.0;
-    let mut making = Making::new(Module::Intensity, table.to_vec(), about)?;
-    making.step(0, &[])?;
-    for run in 0..600_u32 {
-        let dice = run.wrapping_mul(2_654_435_761) >> 8;
-        let dim = 1.0 - 0.45 * f64::from(run % 150) / 150.0;
-        let burns = !matches!(run, 0..=3 | 200..=230 | 400..=420) && run < 560;
-        let bits = [0, 6, 12, 16][(dice % 4) as usize];
-        let flags = bits | if burns { LIGHT } else { 0 } | if dice % 9 == 0 { HOLD } else { 0 };
-        let length = if (200..=230).contains(&run) || run >= 560 { 30_000 } else { 97 + dice % 500 };
-        making.step(1, &[length, dice, (gain * dim) as u32, 2 + dice % 5, flags])?;
-    }
-    Ok(making)
-}
-
-/// All three counting modes: forward, back, jitter, and double steps.
-fn quadrature() -> Result<Making> {
-    let mut making = Making::new(Module::Quadrature, Vec::new(), "quadrature counter: 1, 2 and 4 counts per fringe")?;
-    for (index, multiplier) in [1, 2, 4].into_iter().enumerate() {
-        making.step(0, &[multiplier])?;
-        for run in 0..40_u32 {
-            let share = |percent: u32| u32::MAX / 100 * percent;
-            let (forward, back) = [(90, 95), (5, 90), (45, 90), (100, 100)][(run % 4) as usize];
-            let double = if run % 5 == 4 { 97 } else { back };
-            making.step(1, &[1000, run * 31 + index as u32, share(forward), share(back), share(double)])?;
-        }
-    }
-    Ok(making)
-}
-
-/// Dithers of several periods and amplitudes, with noise; a dither that dies, at rest anywhere or in its noise, and returns.
-fn stripper() -> Result<Making> {
-    let mut making =
-        Making::new(Module::Stripper, Vec::new(), "dither stripper: whole periods, dead dithers, ends of the range")?;
-    let ends = [0, 70_000, -70_000, i32::MIN, i32::MAX].map(i32::cast_unsigned);
-    for (start, (longest, least_swing)) in
-        [(50, 250_000), (1, 0), (0, 1), (65_535, 1 << 20), (7, u32::MAX), (50, 0)].into_iter().enumerate()
-    {
-        making.step(0, &[longest, least_swing])?;
-        for run in 0..60_u32 {
-            let seed = run * 47 + start as u32;
-            let period = [25, 24, 50, 3, 1000][(run % 5) as usize];
-            let step = u32::MAX / period + run;
-            let amplitude = [1 << 20, 1 << 24, 0, u32::MAX, 1 << 20, 300_000][(run % 6) as usize];
-            let counts = [3, -40, 0, i32::MAX, i32::MIN, 1][(run / 2 % 6) as usize].cast_unsigned();
-            let bits = [0, 8, 20, 31][(run / 3 % 4) as usize];
-            let place = if run % 4 == 0 { ends[(run / 4 % 5) as usize] } else { 0 };
-            making.step(1, &[700, seed, counts, bits, amplitude, step, [0, 16, 31][(run % 3) as usize], place])?;
-        }
-    }
-    Ok(making)
-}
-
-/// Thermometers that walk, drift, stand still, are missing and jump to the ends of the range, under limits from none to the largest; votes of
-/// none to eight, with ties, codes at the limit and at the ends of the range.
-fn watch() -> Result<Making> {
-    let about = "watch over thermometers that stand still, vote of several codes";
-    let mut making = Making::new(Module::Watch, Vec::new(), about)?;
-    let (most, half) = (u32::MAX, 1 << 31);
-    let limits = [
-        [100, 10, 25],
-        [100, 10, 0],
-        [10 << 24, 1_677_722, 2000],
-        [1, 1, 1],
-        [0, 0, 0],
-        [half, half, half],
-        [most, most, most],
-        [3000, 500, 7],
-    ];
-    for (start, limits) in (0..).zip(limits) {
-        making.step(0, &limits)?;
-        for run in 0..60 {
-            making.step(1, &updates(start, run))?;
-            making.step(2, &votes(start * 60 + run))?;
-        }
-    }
-    Ok(making)
-}
-
-/// A run of updates: without noise a thermometer reaches a limit exactly.
-fn updates(start: u32, run: u32) -> [u32; 7] {
-    let at = |list: &[u32], step: u32| list[(run / step) as usize % list.len()];
-    let whole_c = if start == 2 { 1 << 24 } else { 1 };
-    let drift = [1, -1, 5, 0, -10, 25][run as usize % 6] * whole_c;
-    let bits = if start == 2 { at(&[0, 0, 18, 21], 3) } else { at(&[0, 0, 3, 0, 8, 31], 5) };
-    let command_drift = at(&[0, 1, 5_u32.wrapping_neg(), 400, 1 << 30], 2);
-    let ends = [0, i32::MIN, i32::MAX, 1 << 30].map(i32::cast_unsigned);
-    let still = at(&[1, 2, 0, 15, 5, 8, 14, 4], 1);
-    let sometimes = at(&[0, 0, 0, 4, 15], 4);
-    let never = at(&[0, 0, 8, 12, 0, 1, 14], 3);
-    let set = at(&[0, 0, 2, 1, 0, 4, 15], 1);
-    let flags = still | sometimes << 4 | never << 8 | set << 12 | at(&[1, 0, 1], 7) << 16;
-    [48, run * 61 + start, i32::cast_unsigned(drift), bits, command_drift, at(&ends, 6), flags]
-}
-
-/// A run of votes of none to eight codes; every third has a code far from the others.
-fn votes(run: u32) -> [u32; 7] {
-    let at = |list: &[u32], step: u32| list[(run / step) as usize % list.len()];
-    let voters = run % 9;
-    let never = (0xff << voters & 0xff_u32).rotate_left(4 * (run % 2));
-    let never = (never | never >> 8) & 0xff;
-    let bits = at(&[2, 3, 8, 16, 31, 0], 9);
-    let agree = at(&[1, 0, (1 << bits) / 3, 3, u32::MAX, 1 << 30], 4);
-    let base = at(&[0, 3_u32.wrapping_neg(), 1 << 31, (1 << 31) - 1, 25_000], 5);
-    let set = at(&[5_u32.wrapping_neg(), 1 << 31, (1 << 31) - 1, 90_000], 7);
-    let far = at(&[0, 0, 2, 0, 0, 32, 0, 0, 0x81], 1);
-    [48, run * 67 + 5, agree, bits, base, set, at(&[0, 0, 0x12, 0, 0xff], 11) | never << 8 | far << 16]
 }
