@@ -1,42 +1,13 @@
 //! `sagnac`: thermal calibration of ring laser gyros from the command line.
 //!
-//! One file per subcommand; each reads its arguments, calls the library and prints. Exit status: 0
+//! A verb reads its arguments, calls the library and prints (`verbs`). Exit status: 0
 //! done, 1 limits not met, 2 bad usage or input, 3 refused because the data cannot support the answer.
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
-mod allan;
-#[cfg(feature = "full")]
-mod bench;
-mod calibrate;
-mod compare;
-mod compensate;
-mod console;
-mod demo;
-mod evaluate;
-mod export;
+mod args;
 mod files;
-mod fleet;
-#[cfg(feature = "full")]
-mod frames;
-mod import;
-mod init;
-mod inspect;
-mod interrupt;
-mod key;
-mod line;
-mod loading;
-mod log_paths;
-mod manual;
-mod pipe;
-mod plan;
-mod progress;
-mod report_args;
-mod setup_args;
-mod signature_args;
-mod simulate;
-mod terminal;
-mod verify;
-mod window;
+mod output;
+mod verbs;
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -46,8 +17,9 @@ use clap::{Parser, Subcommand};
 use sagnac_log::threads::{STACK_BYTES, spawn};
 use sagnac_units::format::printable;
 
-use crate::console::{Console, Outcome};
-use crate::log_paths::expanded;
+use crate::files::interrupt;
+use crate::files::log_paths::expanded;
+use crate::output::console::{self, Console, Outcome};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -71,28 +43,28 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    Calibrate(calibrate::Args),
-    Verify(verify::Args),
-    Compare(compare::Args),
-    Compensate(compensate::Args),
-    Window(window::Args),
-    Allan(allan::Args),
-    Inspect(inspect::Args),
-    Evaluate(evaluate::Args),
-    Fleet(fleet::Args),
-    Plan(plan::Args),
+    Calibrate(verbs::calibrate::Args),
+    Verify(verbs::verify::Args),
+    Compare(verbs::compare::Args),
+    Compensate(verbs::compensate::Args),
+    Window(verbs::window::Args),
+    Allan(verbs::allan::Args),
+    Inspect(verbs::inspect::Args),
+    Evaluate(verbs::evaluate::Args),
+    Fleet(verbs::fleet::Args),
+    Plan(verbs::plan::Args),
     #[cfg(feature = "full")]
-    Bench(bench::Args),
-    Export(export::Args),
+    Bench(verbs::bench::Args),
+    Export(verbs::export::Args),
     #[cfg(feature = "full")]
-    Frames(frames::Args),
-    Key(key::Args),
-    Line(line::Args),
-    Import(import::Args),
-    Init(init::Args),
-    Demo(demo::Args),
-    Simulate(simulate::Args),
-    Manual(manual::Args),
+    Frames(verbs::frames::Args),
+    Key(verbs::key::Args),
+    Line(verbs::line::Args),
+    Import(verbs::import::Args),
+    Init(verbs::init::Args),
+    Demo(verbs::simulate::paper::Args),
+    Simulate(verbs::simulate::Args),
+    Manual(verbs::manual::Args),
 }
 
 fn main() -> ExitCode {
@@ -182,27 +154,27 @@ fn run(mut command: Command, console: &mut Console) -> console::Ran {
         *logs = expanded(logs, console)?;
     }
     match command {
-        Command::Calibrate(args) => calibrate::run(&args, console),
-        Command::Verify(args) => verify::run(&args, console),
-        Command::Compensate(args) => compensate::run(&args, console),
-        Command::Window(args) => window::run(&args, console),
-        Command::Allan(args) => allan::run(&args, console),
-        Command::Compare(args) => compare::run(&args, console),
-        Command::Inspect(args) => inspect::run(&args, console),
-        Command::Evaluate(args) => evaluate::run(&args, console),
-        Command::Fleet(args) => fleet::run(&args, console),
-        Command::Plan(args) => plan::run(&args, console),
+        Command::Calibrate(args) => verbs::calibrate::run(&args, console),
+        Command::Verify(args) => verbs::verify::run(&args, console),
+        Command::Compensate(args) => verbs::compensate::run(&args, console),
+        Command::Window(args) => verbs::window::run(&args, console),
+        Command::Allan(args) => verbs::allan::run(&args, console),
+        Command::Compare(args) => verbs::compare::run(&args, console),
+        Command::Inspect(args) => verbs::inspect::run(&args, console),
+        Command::Evaluate(args) => verbs::evaluate::run(&args, console),
+        Command::Fleet(args) => verbs::fleet::run(&args, console),
+        Command::Plan(args) => verbs::plan::run(&args, console),
         #[cfg(feature = "full")]
-        Command::Bench(args) => bench::run(&args, console),
-        Command::Export(args) => export::run(&args, console),
+        Command::Bench(args) => verbs::bench::run(&args, console),
+        Command::Export(args) => verbs::export::run(&args, console),
         #[cfg(feature = "full")]
-        Command::Frames(args) => frames::run(&args, console),
-        Command::Key(args) => key::run(&args, console),
-        Command::Line(args) => line::run(&args, console),
-        Command::Import(args) => import::run(&args, console),
-        Command::Init(args) => init::run(&args, console),
-        Command::Demo(args) => demo::run(&args, console),
-        Command::Simulate(args) => simulate::run(&args, console),
-        Command::Manual(args) => manual::run(&args, <Cli as clap::CommandFactory>::command(), console),
+        Command::Frames(args) => verbs::frames::run(&args, console),
+        Command::Key(args) => verbs::key::run(&args, console),
+        Command::Line(args) => verbs::line::run(&args, console),
+        Command::Import(args) => verbs::import::run(&args, console),
+        Command::Init(args) => verbs::init::run(&args, console),
+        Command::Demo(args) => verbs::simulate::paper::run(&args, console),
+        Command::Simulate(args) => verbs::simulate::run(&args, console),
+        Command::Manual(args) => verbs::manual::run(&args, <Cli as clap::CommandFactory>::command(), console),
     }
 }

@@ -1,0 +1,5 @@
+//! Groups of flags that several verbs share.
+
+pub(crate) mod report;
+pub(crate) mod setup;
+pub(crate) mod signature;

@@ -1,0 +1,78 @@
+//! Flags for a report, and how it is written: one HTML file, and its figures as files.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use sagnac::{Error, Result};
+use sagnac_log::write::write_bytes;
+use sagnac_report::Report;
+
+use crate::files::Files;
+use crate::files::loading::has_extension;
+use crate::output::console::Console;
+
+/// The report that a command writes.
+#[derive(Args, Clone, Default)]
+pub(crate) struct ReportArgs {
+    /// Report to write: one HTML file for screen and paper
+    #[arg(long = "report", value_name = "FILE")]
+    page: Option<PathBuf>,
+    /// Folder for the report's figures, an SVG file each
+    #[arg(long, value_name = "FOLDER")]
+    figures: Option<PathBuf>,
+}
+
+impl ReportArgs {
+    /// True where a report or its figures are to be written.
+    pub(crate) fn is_asked(&self) -> bool {
+        self.page.is_some() || self.figures.is_some()
+    }
+
+    /// Checks what will be written beside the other files of the command; refuses what is no page.
+    pub(crate) fn check_with(&self, files: Files) -> Result<()> {
+        files.writes(&self.page).makes(&self.figures).check()?;
+        self.page.as_deref().map_or(Ok(()), refuse_other_endings)
+    }
+
+    /// Writes what was asked for; the report is made only then.
+    pub(crate) fn write(&self, console: &mut Console, make: impl FnOnce() -> Result<Report>) -> Result<()> {
+        if !self.is_asked() {
+            return Ok(());
+        }
+        let report = make()?;
+        if let Some(path) = &self.page {
+            write_bytes(path, report.html().as_bytes())?;
+            console.say(format!("wrote {}", path.display()));
+        }
+        if let Some(folder) = &self.figures {
+            std::fs::create_dir_all(folder).map_err(|e| Error::io_path(folder, "make", &e))?;
+            let mut written = 0;
+            for (name, svg) in report.figures() {
+                write_bytes(&folder.join(format!("{name}.svg")), svg.as_bytes())?;
+                written += 1;
+            }
+            let plural = if written == 1 { "" } else { "s" };
+            console.say(format!("wrote {written} figure{plural} to {}", folder.display()));
+        }
+        Ok(())
+    }
+}
+
+/// A report is a page of HTML; other endings promise another format.
+fn refuse_other_endings(path: &Path) -> Result<()> {
+    let is = |extension: &str| has_extension(path, extension);
+    if is("html") || is("htm") || path.exists() && !path.is_file() {
+        return Ok(());
+    }
+    let refused = |what: &str, help: String| Err(Error::input(what).file(path.display().to_string()).help(help));
+    let page = path.with_extension("html");
+    let page = page.display();
+    if is("pdf") {
+        let print = format!("chromium --headless --no-pdf-header-footer --print-to-pdf={} {page}", path.display());
+        return refused("no PDF is written here", format!("write {page} and print it, in a browser or by: {print}"));
+    }
+    if ["svg", "png"].iter().any(|extension| is(extension)) {
+        return refused("a report has several figures", "--figures FOLDER writes each as an SVG file".to_owned());
+    }
+    refused("a report is an HTML page", format!("give it the ending .html: {page}"))
+}

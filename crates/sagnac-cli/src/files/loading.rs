@@ -1,0 +1,174 @@
+//! Opens the files that the command line names, of any kind.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use sagnac::calibration::Calibration;
+use sagnac::verify::Correction;
+use sagnac::window::{WindowBuilder, Windows, is_table, read_table};
+use sagnac::{Error, Result};
+use sagnac_core::{Image, MAGIC, MAX_SIGNED_LEN, SignatureBlock};
+use sagnac_log::ingest::{Logs, ReadMode};
+use sagnac_log::setup::Setup;
+use sagnac_units::format::controls;
+
+use crate::args::setup::LogArgs;
+use crate::output::progress::open_log;
+
+/// Enough for a magic number or a line of headers.
+const FIRST_BYTES: u64 = 1024;
+
+/// What a file is, by its first bytes.
+pub(crate) enum Kind {
+    Image,
+    Calibration,
+    WindowTable,
+    /// Anything else is read as a log.
+    Log,
+}
+
+/// True for what is read once: standard input, a pipe, a device.
+pub(crate) fn is_pipe(path: &Path) -> bool {
+    path.as_os_str() == "-" || std::fs::metadata(path).is_ok_and(|m| !m.is_file() && !m.is_dir())
+}
+
+/// Looks at the first bytes of a file; `-` and pipes are logs.
+pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
+    if is_pipe(path) {
+        // Bytes read from a pipe cannot be read again.
+        return Ok(Kind::Log);
+    }
+    let start = first_bytes(path)?;
+    // Some editors put a byte order mark before text.
+    let start = start.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&start);
+    Ok(match start {
+        start if start.starts_with(&MAGIC) => Kind::Image,
+        [b'{', ..] => Kind::Calibration,
+        [b'P', b'A', b'R', b'1', ..] if is_table(path)? => Kind::WindowTable,
+        _ => Kind::Log,
+    })
+}
+
+/// The first bytes of a file.
+pub(crate) fn first_bytes(path: &Path) -> Result<Vec<u8>> {
+    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    if path.is_dir() {
+        return Err(Error::input("this is a directory; a file is needed").file(path.display().to_string()));
+    }
+    let mut start = Vec::new();
+    file.take(FIRST_BYTES).read_to_end(&mut start).map_err(|e| Error::io_path(path, "read", &e))?;
+    Ok(start)
+}
+
+/// True for a name that ends so, in any case.
+pub(crate) fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
+}
+
+/// Names of formats that this program reads but does not write.
+const NOT_WRITTEN: [&str; 6] = ["gz", "zst", "arrow", "feather", "ulg", "xlsx"];
+
+/// Refuses a file name whose extension means another format than the output.
+pub(crate) fn check_output_name(path: &Path, formats: &str) -> Result<()> {
+    match NOT_WRITTEN.iter().find(|extension| has_extension(path, extension)) {
+        Some(extension) => Err(Error::input(format!("no .{extension} is written here; formats: {formats}"))
+            .file(path.display().to_string())),
+        None => Ok(()),
+    }
+}
+
+/// Several logs, each opened when the one before has been read. One that is not there is noticed before the first is read.
+pub(crate) fn logs<'a>(paths: &'a [PathBuf], setup: &'a Setup, doing: &'static str) -> Result<Logs<'a>> {
+    for path in paths.iter().filter(|path| path.as_os_str() != "-") {
+        std::fs::metadata(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    }
+    Ok(Logs::opened_by(paths.iter().map(move |path| open_log(path, setup, ReadMode::Bulk, doing))))
+}
+
+/// Windows of logs, or of one window table, with their setup and the flags that override it.
+pub(crate) fn windows(paths: &[PathBuf], args: &LogArgs) -> Result<(Windows, Setup)> {
+    for path in paths {
+        match kind_of(path)? {
+            Kind::WindowTable if paths.len() == 1 => return table(path, args),
+            Kind::WindowTable => {
+                return Err(Error::input(
+                    "a window table cannot be combined with other files; give logs, or one table",
+                )
+                .file(path.display().to_string()));
+            }
+            Kind::Image | Kind::Calibration => {
+                return Err(
+                    Error::input("an image or calibration where a log is needed").file(path.display().to_string())
+                );
+            }
+            Kind::Log => {}
+        }
+    }
+    let setup = args.setup.over(Setup::default())?;
+    let builder = WindowBuilder::read_all(logs(paths, &setup, "reading")?, &setup)?;
+    Ok((args.outliers(builder).finish(), setup))
+}
+
+/// Windows of logs of a known setup.
+#[cfg(feature = "full")]
+pub(crate) fn windows_of(paths: &[PathBuf], setup: &Setup) -> Result<Windows> {
+    Ok(WindowBuilder::read_all(logs(paths, setup, "reading")?, setup)?.finish())
+}
+
+/// A window table. The settings of its windows cannot be changed any more.
+fn table(path: &Path, args: &LogArgs) -> Result<(Windows, Setup)> {
+    let (windows, made_with) = read_table(path, args.setup.memory())?;
+    let setup = args.setup.over(made_with.clone())?;
+    if !setup.makes_the_windows_of(&made_with) || args.keep_outliers {
+        return Err(Error::input("a flag or the setup would change how the windows of this table were made")
+            .file(path.display().to_string())
+            .help("make the table anew with `sagnac window`, or leave that to what it was made with"));
+    }
+    Ok((windows, setup))
+}
+
+/// An image.
+pub(crate) fn image(path: &Path) -> Result<Image> {
+    signed_image(path).map(|(image, ..)| image)
+}
+
+/// An image, its bytes without a signature, and its signature block if it has one. The signature is not checked.
+pub(crate) fn signed_image(path: &Path) -> Result<(Image, Vec<u8>, Option<SignatureBlock>)> {
+    let whole = image_bytes_of(path)?;
+    let refused = |e: String| Error::input(format!("not a usable image: {e}")).file(path.display().to_string());
+    let (bytes, block) = SignatureBlock::split(&whole).map_err(|e| refused(e.to_string()))?;
+    let image = Image::decode(bytes).map_err(|e| refused(e.to_string()))?;
+    if image.serial().is_some_and(|serial| serial.contains(controls)) {
+        return Err(refused("its serial number has control characters".to_owned()));
+    }
+    Ok((image, bytes.to_vec(), block))
+}
+
+/// The bytes of an image's file, signed or not.
+pub(crate) fn image_bytes_of(path: &Path) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    file.take(MAX_SIGNED_LEN as u64 + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, "read", &e))?;
+    Ok(bytes)
+}
+
+/// A calibration.
+pub(crate) fn calibration(path: &Path) -> Result<Calibration> {
+    Calibration::read(path)
+}
+
+/// A calibration or an image.
+pub(crate) fn correction(path: &Path) -> Result<Correction> {
+    match kind_of(path)? {
+        Kind::Image => image(path).map(Correction::from_image),
+        Kind::Calibration => {
+            Correction::from_calibration(calibration(path)?).map_err(|e| e.file(path.display().to_string()))
+        }
+        _ if is_pipe(path) => Err(Error::input("a correction is not read from a pipe")
+            .file(path.display().to_string())
+            .help("save it as a file; only logs are read from a pipe")),
+        Kind::WindowTable | Kind::Log => Err(Error::input("neither a calibration nor an image")
+            .file(path.display().to_string())
+            .help("the correction comes first, then the logs: sagnac verify unit.cal.json retest.csv")),
+    }
+}

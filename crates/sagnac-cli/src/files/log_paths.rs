@@ -1,0 +1,34 @@
+//! A folder or a pattern in place of logs, and one line of what it stands for.
+
+use std::path::{Path, PathBuf};
+
+use sagnac::Result;
+use sagnac_log::paths::logs_of;
+use sagnac_units::format::file_name;
+
+use crate::output::console::Console;
+
+/// The files that some arguments mean. What a folder or a pattern stands for is said on standard error.
+pub(crate) fn expanded(paths: &[PathBuf], console: &mut Console) -> Result<Vec<PathBuf>> {
+    let mut all = Vec::new();
+    for path in paths {
+        match logs_of(path)? {
+            Some(found) => {
+                console.note(said(path, &found));
+                all.extend(found);
+            }
+            None => all.push(path.clone()),
+        }
+    }
+    Ok(all)
+}
+
+/// One line: how many, and the first and the last of them.
+fn said(of: &Path, found: &[PathBuf]) -> String {
+    let name = |path: &PathBuf| file_name(&path.display().to_string());
+    match found {
+        [one] => format!("{}: 1 log, {}", of.display(), name(one)),
+        [first, .., last] => format!("{}: {} logs, {} … {}", of.display(), found.len(), name(first), name(last)),
+        [] => String::new(),
+    }
+}

@@ -1,0 +1,158 @@
+//! Output for people and scripts: text, tables, JSON, errors.
+//!
+//! With `--json` one object goes to standard output and the text for people to standard error.
+//! On a terminal, lines wrap by word ([`crate::output::terminal`]). A reader that goes away (a closed pipe) ends the printing quietly.
+
+use std::borrow::Cow;
+use std::io::Write;
+use std::process::ExitCode;
+use std::sync::Mutex;
+
+use sagnac::{Error, ErrorKind};
+use sagnac_units::format::{printable, printable_json};
+use serde::Serialize;
+
+use crate::output::terminal::{columns_of_errors, columns_of_output, wrapped};
+
+/// How a command that did not fail ended.
+pub(crate) enum Outcome {
+    Done,
+    LimitsNotMet,
+    /// Some units of a fleet have no calibration.
+    SomeFailed,
+}
+
+/// Result of a subcommand.
+pub(crate) type Ran = Result<Outcome, Error>;
+
+/// Where the last panic happened. Our code should not panic; a decoder's panic is caught and reported as a bad file.
+static LAST_PANIC: Mutex<String> = Mutex::new(String::new());
+
+/// Stores a panic's place instead of printing it.
+pub(crate) fn keep_panics_quiet() {
+    std::panic::set_hook(Box::new(|info| {
+        if let Ok(mut last) = LAST_PANIC.lock() {
+            *last = info.to_string();
+        }
+    }));
+}
+
+/// The message for a panic that reached the top.
+pub(crate) fn internal_error() -> Error {
+    let place = LAST_PANIC.lock().map(|last| last.clone()).unwrap_or_default();
+    Error::input(format!("a defect of this program, not of your input: {place}"))
+        .help("please report it with the command and, if you can, the file")
+}
+
+/// Where things are printed.
+pub(crate) struct Console {
+    json: bool,
+    /// The first write error; a closed pipe is not an error.
+    lost: Option<std::io::Error>,
+}
+
+#[derive(Serialize)]
+struct Complaint<'a> {
+    refused: bool,
+    reason: &'a str,
+    place: ComplaintPlace<'a>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    help: Option<&'a str>,
+}
+
+#[derive(Serialize)]
+struct ComplaintPlace<'a> {
+    file: Option<&'a str>,
+    line: Option<u64>,
+    column: Option<&'a str>,
+    value: Option<&'a str>,
+}
+
+impl Console {
+    pub(crate) fn new(json: bool) -> Self {
+        Self { json, lost: None }
+    }
+
+    /// A line for people.
+    pub(crate) fn say(&mut self, line: impl AsRef<str>) {
+        if self.json {
+            self.note(line);
+        } else {
+            self.print(&wrapped(&printable(line.as_ref()), columns_of_output()));
+        }
+    }
+
+    /// A line for people that is never part of the output.
+    pub(crate) fn note(&mut self, line: impl AsRef<str>) {
+        let _ = writeln!(std::io::stderr(), "{}", wrapped(&printable(line.as_ref()), columns_of_errors()));
+    }
+
+    /// The object for scripts, if it was asked for.
+    pub(crate) fn object(&mut self, value: &impl Serialize) -> Result<(), Error> {
+        if self.json {
+            let text =
+                serde_json::to_string_pretty(value).map_err(|e| Error::input(format!("cannot write JSON: {e}")))?;
+            self.print(&printable_json(&text));
+        }
+        Ok(())
+    }
+
+    fn print(&mut self, text: &str) {
+        let written = writeln!(std::io::stdout(), "{text}");
+        if let Err(error) = written.and_then(|()| std::io::stdout().flush())
+            && error.kind() != std::io::ErrorKind::BrokenPipe
+        {
+            self.lost.get_or_insert(error);
+        }
+    }
+
+    /// The result, or the error if its output could not be written.
+    pub(crate) fn ended(&self, ran: Ran) -> Ran {
+        match &self.lost {
+            Some(error) => ran.and(Err(Error::io("standard output", "write", error))),
+            None => ran,
+        }
+    }
+
+    /// Prints an error; its exit status.
+    pub(crate) fn complain(&mut self, error: &Error) -> ExitCode {
+        let word = match error.kind {
+            ErrorKind::Input => "error",
+            ErrorKind::Refused => "refused",
+        };
+        // Cut as it is shown: an escaped character has several.
+        let line = |text: &str| {
+            let shown = wrapped(&shortened(&printable(text)), columns_of_errors());
+            writeln!(std::io::stderr(), "{shown}")
+        };
+        let _ = line(&format!("{word}: {error}"));
+        if let Some(help) = &error.help {
+            let _ = line(&format!("  help: {help}"));
+        }
+        let place = &error.place;
+        let _ = self.object(&Complaint {
+            refused: error.kind == ErrorKind::Refused,
+            reason: &shortened(&error.what),
+            place: ComplaintPlace {
+                file: place.file.as_deref(),
+                line: place.line,
+                column: place.column.as_deref(),
+                value: place.value.as_deref(),
+            },
+            help: error.help.as_deref().map(shortened).as_deref(),
+        });
+        match error.kind {
+            ErrorKind::Input => ExitCode::from(2),
+            ErrorKind::Refused => ExitCode::from(3),
+        }
+    }
+}
+
+/// A message in a length that a person reads: what a file holds may be quoted in it.
+fn shortened(text: &str) -> Cow<'_, str> {
+    const MOST_CHARS: usize = 1500;
+    match text.char_indices().nth(MOST_CHARS) {
+        Some((end, _)) => Cow::Owned(format!("{} … ({} more bytes)", &text[..end], text.len() - end)),
+        None => Cow::Borrowed(text),
+    }
+}

@@ -1,0 +1,5 @@
+//! Words, tables and progress for the terminal. It knows no verb and opens no file.
+
+pub(crate) mod console;
+pub(crate) mod progress;
+pub(crate) mod terminal;

@@ -1,0 +1,228 @@
+//! `sagnac allan`: the noise of a record, term by term.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use sagnac::allan::{NoiseBudget, Request, budget_of_curves, is_curve, noise_budget, read_curve};
+use sagnac::{Error, Result};
+use sagnac_log::setup::Setup;
+use sagnac_log::write::write_bytes;
+use sagnac_noise::{AxisBudget, Taus, Term, TermValue};
+use sagnac_report::{noise_report, row_notes, term_text};
+use sagnac_units::format::significant;
+
+use crate::args::report::ReportArgs;
+use crate::args::setup::{SetupArgs, numbers};
+use crate::files::Files;
+use crate::files::loading;
+use crate::output::console::{Console, Outcome, Ran};
+use crate::output::terminal::table;
+use crate::verbs::calibrate::excluded;
+
+/// τ in the table on the terminal.
+const SHOWN_TAUS: usize = 12;
+
+/// Split the noise of a record at rest into its terms: Q, N, B, K, R
+///
+/// Each LOG is a run. A cumulative counter keeps its angle across gaps, and single lost rows are bridged while they are few. Rows
+/// far from those around them are named, and excluded while they are at most 0.5 %. A table of tau_s and adev_dph from any program
+/// can replace the logs.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sagnac allan static.csv --arcsec-per-count 1.059 --report allan.html
+  sagnac allan static.csv --arcsec-per-count 1.059 --taus 1,10,100 --json
+  sagnac allan curve.csv --duration 7200")]
+pub(crate) struct Args {
+    /// Logs of the gyro at rest, a folder or a pattern of them, or one table of tau_s and adev_dph
+    #[arg(required = true)]
+    pub(crate) logs: Vec<PathBuf>,
+    /// τ to show: seconds separated by commas, `octave`, `all`, or `log` for ten per decade
+    #[arg(long, default_value = "log")]
+    taus: String,
+    /// Full overlap at every τ, with 8 bytes of memory per row and axis
+    #[arg(long)]
+    exact: bool,
+    /// Remove the drift with temperature first
+    #[arg(long, value_enum)]
+    detrend: Option<Detrend>,
+    /// Length of the record behind a bare curve, s: gives it intervals
+    #[arg(long, value_name = "S")]
+    duration: Option<f64>,
+    /// Curve to write: CSV
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportArgs,
+    /// One JSON object on standard output, text on standard error
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    setup: SetupArgs,
+}
+
+/// Drift that can be removed first.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Detrend {
+    Temperature,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    let files = Files::new().reads(&args.logs).reads(&args.setup.setup).writes(&args.output);
+    args.report.check_with(files)?;
+    if let Some(path) = &args.output {
+        loading::check_output_name(path, "CSV")?;
+    }
+    let budget = match args.logs.as_slice() {
+        [path] if is_curve_file(path)? => of_curve(path, args)?,
+        _ => of_logs(args)?,
+    };
+    for warning in &budget.warnings {
+        console.note(format!("warning: {warning}"));
+    }
+    budget.axes.iter().for_each(|axis| describe(console, axis));
+    excluded(&budget.excluded).iter().for_each(|line| console.say(line));
+    if let Some(path) = &args.output {
+        write_bytes(path, curve_csv(&budget).as_bytes())?;
+        console.say(format!("wrote {}", path.display()));
+    }
+    args.report.write(console, || noise_report(&budget))?;
+    console.object(&budget)?;
+    Ok(Outcome::Done)
+}
+
+/// True for a file that begins like a curve; pipes are logs.
+fn is_curve_file(path: &Path) -> Result<bool> {
+    Ok(path.is_file()
+        && matches!(loading::kind_of(path)?, loading::Kind::Log)
+        && is_curve(&loading::first_bytes(path)?))
+}
+
+fn of_curve(path: &Path, args: &Args) -> Result<NoiseBudget> {
+    if args.taus != "log" || args.exact || args.detrend.is_some() {
+        return Err(Error::input(
+            "a bare curve has its own τ and no log behind it: --taus, --exact and --detrend do not apply",
+        )
+        .file(path.display().to_string()));
+    }
+    let (curves, input) = read_curve(path)?;
+    budget_of_curves(&curves, args.duration, input)
+}
+
+fn of_logs(args: &Args) -> Result<NoiseBudget> {
+    if args.duration.is_some() {
+        return Err(Error::input("belongs to a bare curve; a log knows its own length").column("--duration"));
+    }
+    for path in &args.logs {
+        if !matches!(loading::kind_of(path)?, loading::Kind::Log) {
+            return Err(Error::input("no log: noise is in the rows of a log, which windows have summed away")
+                .file(path.display().to_string()));
+        }
+    }
+    let setup = args.setup.over(Setup::default())?;
+    let request = Request { taus: taus(&args.taus)?, exact: args.exact };
+    let again = match args.detrend {
+        Some(Detrend::Temperature) => {
+            if let Some(pipe) = args.logs.iter().find(|path| !path.is_file()) {
+                return Err(Error::input("--detrend reads the log twice, which a pipe does not allow")
+                    .file(pipe.display().to_string()));
+            }
+            Some(loading::logs(&args.logs, &setup, "reading")?)
+        }
+        None => None,
+    };
+    noise_budget(loading::logs(&args.logs, &setup, "reading")?, again, &setup, &request)
+}
+
+fn taus(text: &str) -> Result<Taus> {
+    match text {
+        "log" => Ok(Taus::LogSpaced),
+        "octave" => Ok(Taus::Octaves),
+        "all" => Ok(Taus::All),
+        list => numbers("--taus", list).map(Taus::Given),
+    }
+}
+
+fn describe(console: &mut Console, axis: &AxisBudget) {
+    if axis.rows > 0 {
+        let stretches = match axis.stretches {
+            1 => "one stretch".to_owned(),
+            n => format!("{n} stretches, the longest of {} s", significant(axis.longest_s, 5)),
+        };
+        console.say(format!(
+            "axis {}: {} rows of {} s in {stretches}",
+            axis.axis,
+            axis.rows,
+            significant(axis.sample_interval_s, 6)
+        ));
+    } else {
+        console.say(format!("axis {}: a bare curve", axis.axis));
+    }
+    row_notes(axis).iter().for_each(|note| console.say(format!("  {note}")));
+    let rows = Term::ALL.iter().map(|term| {
+        let (name, unit) = term.name();
+        let [value, interval] = term_text(axis.terms.get(*term));
+        vec![name.to_owned(), unit.to_owned(), value, interval]
+    });
+    console.say(table(&["term", "unit", "value", "95 % interval"], rows));
+    for (letter, why) in reasons(axis) {
+        console.say(format!("  {letter}: {why}"));
+    }
+    let step = axis.curve.len().div_ceil(SHOWN_TAUS).max(1);
+    let end = |value: Option<f64>| value.map_or("-".to_owned(), |v| significant(v, 3));
+    let rows = axis
+        .curve
+        .iter()
+        .step_by(step)
+        .map(|p| vec![significant(p.tau_s, 4), significant(p.adev_dph, 4), end(p.lower_dph), end(p.upper_dph)]);
+    let title = if step > 1 { format!("τ, s, one in {step} of {}", axis.curve.len()) } else { "τ, s".to_owned() };
+    console.say(table(&[&title, "Allan deviation, °/h", "from", "to (95 %)"], rows));
+}
+
+/// Why terms are missing: letters of those with the same reason together.
+fn reasons(axis: &AxisBudget) -> Vec<(String, String)> {
+    let mut out: Vec<(String, String)> = Vec::new();
+    for term in Term::ALL {
+        let TermValue::Unresolved { unresolved } = axis.terms.get(term) else { continue };
+        let letter = term.name().0.chars().last().unwrap_or_default();
+        match out.iter_mut().find(|(_, why)| why == unresolved) {
+            Some((letters, _)) => {
+                letters.push_str(", ");
+                letters.push(letter);
+            }
+            None => out.push((letter.to_string(), unresolved.clone())),
+        }
+    }
+    out
+}
+
+/// The curves, a row per τ of an axis; `sagnac allan` reads such a table again, axis by axis.
+fn curve_csv(budget: &NoiseBudget) -> String {
+    let letters: Vec<char> = budget.axes.iter().map(|axis| axis.axis).collect();
+    let mut out = String::from("tau_s");
+    for letter in &letters {
+        // A String takes all that is written to it.
+        let _ = write!(out, ",adev_dph_{letter},lower_dph_{letter},upper_dph_{letter},hdev_dph_{letter}");
+    }
+    out.push('\n');
+    let longest = budget.axes.iter().max_by_key(|axis| axis.curve.len());
+    let cell = |value: Option<f64>| value.map_or(String::new(), |v| v.to_string());
+    for row in 0..longest.map_or(0, |axis| axis.curve.len()) {
+        let tau_s = longest.and_then(|axis| axis.curve.get(row)).map_or(0.0, |point| point.tau_s);
+        let _ = write!(out, "{tau_s}");
+        for axis in &budget.axes {
+            let point = axis.curve.iter().find(|point| point.tau_s == tau_s);
+            let hadamard = axis.hadamard.iter().find(|point| point.tau_s == tau_s);
+            let _ = write!(
+                out,
+                ",{},{},{},{}",
+                cell(point.map(|p| p.adev_dph)),
+                cell(point.and_then(|p| p.lower_dph)),
+                cell(point.and_then(|p| p.upper_dph)),
+                cell(hadamard.map(|p| p.hdev_dph))
+            );
+        }
+        out.push('\n');
+    }
+    out
+}

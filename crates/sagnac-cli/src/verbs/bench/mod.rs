@@ -1,0 +1,345 @@
+//! `sagnac bench`: a thermal test recorded as it runs.
+
+mod lines;
+mod screen;
+
+use std::io::IsTerminal;
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use sagnac::calibration::{Calibration, program};
+use sagnac::fit::{FitOptions, Model, calibrate_with_report_data};
+use sagnac::plan::EnoughRequest;
+use sagnac::verify::Limits;
+use sagnac::{Error, Result};
+use sagnac_bench::live::{Live, LiveRequest};
+use sagnac_bench::page::{Page, PageOf};
+use sagnac_bench::{Finished, JournalRows, Session, finish, journal_of};
+use sagnac_log::setup::Setup;
+use sagnac_log::write::write_bytes;
+use sagnac_report::calibration_report;
+use sagnac_units::format::significant;
+
+use crate::args::report::ReportArgs;
+use crate::args::setup::SetupArgs;
+use crate::files::Files;
+use crate::files::interrupt;
+use crate::files::loading;
+use crate::output::console::{Console, Outcome, Ran};
+use crate::output::progress::of_fit;
+use crate::verbs::bench::lines::Lines;
+use crate::verbs::bench::screen::Screen;
+use crate::verbs::calibrate::source_date_epoch;
+
+/// Address of the page, if it is free.
+const PAGE: &str = "127.0.0.1:8647";
+
+/// Record a thermal test as it runs, show it, and say when enough is known
+///
+/// Every byte goes to the journal beside the log first (LOG.journal), so that `kill -9` and a power cut cost at most a second, and --resume goes
+/// on. Ctrl-C ends the recording: the log is written as Parquet, and calibrated. A second Ctrl-C leaves at once; --resume or --finish go on then.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sagnac bench bench.toml --source serial:/dev/ttyUSB0 -o run.parquet --calibration unit.cal.json
+  sagnac simulate scenarios/paper/paper.toml | sagnac bench bench.toml --source - -o run.parquet")]
+pub(crate) struct Args {
+    /// Setup file, whose [bench] names the sources
+    #[arg(value_name = "SETUP")]
+    bench: Option<PathBuf>,
+    /// Log to write when the test has ended: Parquet
+    #[arg(short, long, value_name = "FILE")]
+    output: PathBuf,
+    /// Where the gyro's bytes come from, in place of the setup's
+    ///
+    /// -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE?baud=115200, replay:LOG?speed=10
+    #[arg(long, value_name = "SOURCE")]
+    source: Option<String>,
+    /// Go on with the recording of this log
+    #[arg(long)]
+    resume: bool,
+    /// Record nothing more: make the log of what was recorded
+    ///
+    /// With the setup of the recording, or a corrected one that is given
+    #[arg(long, conflicts_with_all = ["resume", "source"])]
+    finish: bool,
+    /// Limits that the unit is to meet: a file or the name of a set
+    #[arg(long, value_name = "LIMITS")]
+    limits: Option<String>,
+    /// `met`: end the recording when the test has told enough
+    ///
+    /// Needs limits, and span_c under [bench]
+    #[arg(long, value_enum, default_value = "never", hide_possible_values = true)]
+    stop_when: StopWhen,
+    /// Address of the page, or `none`
+    #[arg(long = "page", id = "address", value_name = "ADDRESS", default_value = PAGE)]
+    page_address: String,
+    /// The figures in text on this terminal
+    #[arg(long)]
+    tui: bool,
+    /// Calibration to write at the end
+    #[arg(long, value_name = "FILE")]
+    calibration: Option<PathBuf>,
+    #[command(flatten)]
+    report: ReportArgs,
+    /// `auto`, or orders: "bias 3, rate 1"
+    #[arg(long, default_value = "auto")]
+    model: String,
+    #[command(flatten)]
+    setup: SetupArgs,
+}
+
+/// What ends a recording besides Ctrl-C and the end of its source.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum StopWhen {
+    /// Nothing.
+    Never,
+    /// The test has told enough.
+    Met,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    if !loading::has_extension(&args.output, "parquet") {
+        return Err(Error::input("a recording is written as Parquet: give it the ending .parquet")
+            .file(args.output.display().to_string()));
+    }
+    let journal = journal_of(&args.output);
+    let files = Files::new().reads(&args.bench).reads(&args.setup.setup).writes([&args.output]);
+    args.report.check_with(files.writes(&args.calibration))?;
+    let model: Model = args.model.parse()?;
+    // A recording is finished with its own setup, or with a corrected one.
+    let has_setup = args.bench.is_some() || args.setup.setup.is_some();
+    let setup = if args.finish && !has_setup { JournalRows::open(&journal)?.start().setup() } else { setup_of(args)? };
+    let enough = enough_of(args, &setup)?;
+    page_address(args)?;
+    if !args.finish {
+        if args.output.exists() && !args.resume {
+            return Err(Error::input("a log of this name is there already")
+                .file(args.output.display().to_string())
+                .help("give another -o; --resume goes on with its recording"));
+        }
+        let request = LiveRequest { model: model.clone(), every_minute: is_replay(&setup), enough };
+        record(args, &setup, request, &journal, console)?;
+    }
+    let finished = finish(JournalRows::open_with(&journal, &setup)?, &args.output)?;
+    describe(&finished, console);
+    console.say(format!("wrote {}", args.output.display()));
+    calibrate(args, &setup, model, console)
+}
+
+/// The setup with the flags over it.
+fn setup_of(args: &Args) -> Result<Setup> {
+    let base = args.bench.as_deref().map_or_else(|| Ok(Setup::default()), Setup::read)?;
+    let mut setup = args.setup.over(base)?;
+    if let Some(source) = &args.source {
+        setup.bench.source = Some(source.clone());
+    }
+    if let Some(limits) = &args.limits {
+        setup.bench.limits = Some(limits.clone());
+    }
+    Ok(setup)
+}
+
+/// A replay has hours in seconds.
+fn is_replay(setup: &Setup) -> bool {
+    setup.bench.source.as_deref().is_some_and(|source| source.starts_with("replay:"))
+}
+
+/// What the test is to tell.
+fn enough_of(args: &Args, setup: &Setup) -> Result<Option<EnoughRequest>> {
+    let bench = &setup.bench;
+    if args.stop_when == StopWhen::Met {
+        if bench.limits.is_none() {
+            return Err(Error::input("--stop-when met needs the limits that the unit is to meet")
+                .column("--limits")
+                .help("give --limits, or limits under [bench]"));
+        }
+        if bench.span_c.is_none() {
+            return Err(Error::input("--stop-when met needs the temperatures that the calibration is to cover")
+                .column("bench.span_c")
+                .help("give span_c = [-40, 70] under [bench]"));
+        }
+    }
+    let Some(limits) = &bench.limits else { return Ok(None) };
+    let mut request = EnoughRequest::new(Limits::named_or_read(limits)?);
+    (request.span_c, request.rate_cpm) = (bench.span_c, bench.ramp_cpm);
+    request.share = bench.share.unwrap_or(request.share);
+    request.probability = bench.probability.unwrap_or(request.probability);
+    request.passes = bench.passes.unwrap_or(request.passes);
+    Ok(Some(request))
+}
+
+/// Records until the source ends, somebody ends it, or the test has told enough.
+fn record(args: &Args, setup: &Setup, request: LiveRequest, journal: &Path, console: &mut Console) -> Result<()> {
+    let session = Session::begin(setup, &program(), journal, args.resume)?;
+    let stop = session.stop.clone();
+    interrupt::first(move || stop.stop());
+    console.note(format!("recording {} to {}", session.start.sources.join(", "), journal.display()));
+    let (share, title) = (request.enough.as_ref().and_then(share_of), title_of(setup));
+    let live = Live::default();
+    let reader = live.begin(JournalRows::follow(journal, session.published.clone())?, setup, request)?;
+    let page = page_of(args, setup, share, &session, &live, console)?;
+    let mut shown = Shown::begin(args, &title, page.as_ref())?;
+    loop {
+        let has_ended = session.is_ended();
+        shown.show(&live, &session, console)?;
+        if has_ended {
+            break;
+        }
+        let met = live.look(|state| state.study.confirmed);
+        if met && args.stop_when == StopWhen::Met {
+            session.stop.stop();
+        }
+    }
+    let recorded = session.join();
+    // The last fit is of the whole record, and is shown.
+    let _ = reader.join();
+    shown.end(&live, console);
+    if args.stop_when == StopWhen::Met && live.look(|state| state.study.confirmed) {
+        console.note("the test has told enough, and was ended");
+        let not_seen = live.look(|state| state.study.enough.as_ref().map(|enough| enough.not_seen.clone()));
+        not_seen.into_iter().flatten().for_each(|what| console.note(format!("not seen by this test: {what}")));
+    }
+    page.into_iter().for_each(Page::end);
+    recorded
+}
+
+/// How a running test is shown here.
+enum Shown {
+    Lines(Lines),
+    Screen(Box<Screen>),
+}
+
+impl Shown {
+    fn begin(args: &Args, title: &str, page: Option<&Page>) -> Result<Self> {
+        if !args.tui || !std::io::stdout().is_terminal() {
+            return Ok(Self::Lines(Lines::new()));
+        }
+        let page = page.map_or(String::new(), |page| format!("   http://{}", page.address));
+        Screen::begin(&format!("{title}{page}")).map(|screen| Self::Screen(Box::new(screen)))
+    }
+
+    /// Shows what is new, and waits for more or a moment.
+    fn show(&mut self, live: &Live, session: &Session, console: &mut Console) -> Result<()> {
+        match self {
+            Self::Lines(lines) => {
+                lines.show(live, &session.sources.now(), console);
+                lines.wait(live, &session.stop);
+                Ok(())
+            }
+            Self::Screen(screen) => screen.show(live, &session.sources.now(), &session.stop),
+        }
+    }
+
+    /// The last word, in lines.
+    fn end(self, live: &Live, console: &mut Console) {
+        let mut lines = match self {
+            Self::Lines(lines) => lines,
+            Self::Screen(screen) => {
+                drop(screen);
+                Lines::new()
+            }
+        };
+        lines.last(live, console);
+    }
+}
+
+fn title_of(setup: &Setup) -> String {
+    setup.serial.clone().map_or_else(|| "Sagnac bench".to_owned(), |serial| format!("{serial} on the bench"))
+}
+
+/// What of a limit the curve may take at a temperature.
+fn share_of(request: &EnoughRequest) -> Option<(f64, String)> {
+    let limits = &request.limits;
+    let named = [
+        ("plateau_offset_dph_max", limits.plateau_offset_dph_max),
+        ("temperature_residual_dph_max", limits.temperature_residual_dph_max),
+    ];
+    let (name, limit) = named.into_iter().find_map(|(name, limit)| Some((name, limit?)))?;
+    Some((limit * request.share, format!("{name} ({} of it)", significant(request.share, 2))))
+}
+
+/// The page's address; `None` where there is to be no page.
+fn page_address(args: &Args) -> Result<Option<SocketAddr>> {
+    if args.page_address == "none" {
+        return Ok(None);
+    }
+    args.page_address.parse().map(Some).map_err(|_| {
+        Error::input("not an address")
+            .column("--page")
+            .value(&args.page_address)
+            .help("an address is 127.0.0.1:8647, or `none`")
+    })
+}
+
+/// Serves the page, unless there is to be none.
+fn page_of(
+    args: &Args,
+    setup: &Setup,
+    share: Option<(f64, String)>,
+    session: &Session,
+    live: &Live,
+    console: &mut Console,
+) -> Result<Option<Page>> {
+    let Some(address) = page_address(args)? else { return Ok(None) };
+    let of = PageOf {
+        title: title_of(setup),
+        subtitle: session.start.sources.join(", "),
+        live: live.clone(),
+        sources: session.sources.clone(),
+        clock: session.clock,
+        stop: session.stop.clone(),
+        share,
+    };
+    let page = match Page::begin(of.clone(), address) {
+        // The usual port may be another bench's.
+        Err(_) if args.page_address == PAGE => Page::begin(of, SocketAddr::from(([127, 0, 0, 1], 0)))?,
+        made => made?,
+    };
+    console.note(format!("the page: http://{}/?token={}", page.address, page.token));
+    Ok(Some(page))
+}
+
+fn describe(finished: &Finished, console: &mut Console) {
+    let counts = finished.counts;
+    console.say(format!("{} rows of {} bytes", counts.rows, counts.bytes));
+    let mut odd = |number: u64, what: &str| {
+        if number > 0 {
+            console.note(format!("{number} {what}"));
+        }
+    };
+    odd(counts.cut_lines, "lines have another number of fields than the headers: cut or damaged");
+    odd(counts.missing_frames, "frames are missing between those that came");
+    odd(counts.lost_bytes, "bytes are in no row; the journal has them");
+    odd(finished.damaged_bytes, "bytes of the journal are damaged");
+    let clock = finished.clock;
+    let drift =
+        clock.drift_ppm.map_or(String::new(), |ppm| format!(", the gyro's clock is {} ppm fast", significant(ppm, 2)));
+    console.note(format!(
+        "half of the rows arrive within {} s of the quickest of their minute{drift}",
+        significant(clock.jitter_s, 2)
+    ));
+}
+
+/// Calibrates the finished log, as `calibrate` does.
+fn calibrate(args: &Args, setup: &Setup, model: Model, console: &mut Console) -> Ran {
+    let setup = Setup { bench: Default::default(), ..setup.clone() };
+    let windows = loading::windows_of(std::slice::from_ref(&args.output), &setup)?;
+    let options = FitOptions::new(model).source_date_epoch(source_date_epoch()?).progress(of_fit());
+    let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
+    drop(options);
+    for axis in &calibration.axes {
+        crate::verbs::calibrate::describe(console, axis);
+    }
+    write_record(args, &calibration, console)?;
+    args.report.write(console, || calibration_report(&calibration, &report_data))?;
+    Ok(Outcome::Done)
+}
+
+fn write_record(args: &Args, calibration: &Calibration, console: &mut Console) -> Result<()> {
+    if let Some(path) = &args.calibration {
+        write_bytes(path, calibration.to_json()?.as_bytes())?;
+        console.say(format!("wrote {}", path.display()));
+    }
+    Ok(())
+}

@@ -1,0 +1,391 @@
+//! `sagnac export`: turns a calibration into the files of a target.
+
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use clap::ValueEnum;
+use sagnac::calibration::{Calibration, InputSource, UNASSIGNED};
+use sagnac::export::{codes, data_sheet, encode, image_bytes};
+use sagnac::{Error, Result};
+use sagnac_board::Message;
+use sagnac_core::{Image, MAX_SEQUENCE, SignatureBlock};
+use sagnac_log::ingest::{hex, sha256};
+use sagnac_log::write::write_bytes;
+use sagnac_loops::{LoopTable, TABLE_MAGIC};
+use sagnac_ports::{TextFile, c_files, verilog_files};
+use sagnac_sim::LoopDesign;
+
+use crate::args::signature::SignArgs;
+use crate::files::Files;
+use crate::files::loading::{self, Kind};
+use crate::output::console::{Console, Outcome, Ran};
+use crate::output::terminal::table as drawn;
+use crate::verbs::line::frame_bytes;
+use crate::verbs::simulate::{read_scenario, refused};
+
+/// Write a calibration as what the target holds: a flash image per axis, C99, or Verilog
+#[derive(clap::Args)]
+#[command(
+    after_help = "\
+Examples:
+  sagnac export unit.cal.json --to image -o unit.img        (three axes: unit-x.img, unit-y.img, unit-z.img)
+  sagnac export unit.cal.json --to c -o src/sagnac --loops gyro.toml",
+    after_long_help = "\
+Examples:
+  sagnac export unit.cal.json --to image -o unit.img        (three axes: unit-x.img, unit-y.img, unit-z.img)
+  sagnac export unit.cal.json --to c -o src/sagnac --loops gyro.toml
+  sagnac export unit.img --to verilog -o rtl
+  sagnac export unit.cal.json --to upload --sequence 2 --trial -o /dev/ttyUSB0
+  sagnac export unit.cal.json --to image --sign factory.key --model RLG-28 --counter 12 -o unit.img
+  sagnac export unit.cal.json --to data-sheet -o unit.md
+  sagnac export gyro.toml --to loops -o gyro.loops"
+)]
+pub(crate) struct Args {
+    /// Calibration, flash image or reference vectors; for `--to loops` the scenario whose loops are meant
+    #[arg(value_name = "INPUT")]
+    input: PathBuf,
+    /// What to write
+    #[arg(long, value_enum)]
+    to: Target,
+    /// File to write; for C and Verilog the folder
+    #[arg(short, long, value_name = "PATH")]
+    output: PathBuf,
+    /// Sequence number of the image, above that of the image the gyro has [default: 1]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SEQUENCE)))]
+    sequence: Option<u32>,
+    #[command(flatten)]
+    signature: SignArgs,
+    /// Upload: store the image on trial. It is withdrawn after four starts without `sagnac line confirm`
+    #[arg(long)]
+    trial: bool,
+    /// C and Verilog: the loops too, of this scenario or table of the loops
+    #[arg(long, value_name = "FILE")]
+    loops: Option<PathBuf>,
+}
+
+/// What an export writes.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Target {
+    /// Flash image (docs/reference/image-format.md)
+    Image,
+    /// C99 sources (docs/explanation/on-target.md)
+    C,
+    /// Verilog-2005 sources (docs/explanation/fpga.md)
+    Verilog,
+    /// Table of the control loops (docs/reference/loop-table.md)
+    Loops,
+    /// Messages that bring an image to a gyro over its serial line (docs/reference/serial-line.md)
+    Upload,
+    /// Data sheet of the image as a parameter data item, in Markdown (docs/explanation/certification.md)
+    DataSheet,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    check_flags(args)?;
+    match args.to {
+        Target::Image | Target::Upload => per_axis(args, console),
+        Target::DataSheet => data_sheets(args, console),
+        Target::Loops => {
+            files(args).writes([&args.output]).check()?;
+            let table = loops_of(&args.input)?.encode();
+            wrote(&args.output, &table, console)
+        }
+        Target::C => {
+            let images = images(args)?;
+            let files = c_files(&images, table(args, &images)?.as_ref());
+            folders(args, &[(args.output.clone(), files)], console)
+        }
+        Target::Verilog => {
+            let images = images(args)?;
+            let table = table(args, &images)?;
+            let made: Vec<_> = images
+                .iter()
+                .map(|image| {
+                    let axis = path_letter(char::from(image.description().axis));
+                    let path = if images.len() == 1 { args.output.clone() } else { args.output.join(axis) };
+                    (path, verilog_files(image, table.as_ref()))
+                })
+                .collect();
+            folders(args, &made, console)
+        }
+    }
+}
+
+/// What every export reads.
+fn files(args: &Args) -> Files {
+    Files::new().reads([&args.input]).reads(&args.loops).reads(&args.signature.sign)
+}
+
+/// Writes the sources, after a look at all of their names.
+fn folders(args: &Args, made: &[(PathBuf, Vec<TextFile>)], console: &mut Console) -> Ran {
+    let names = made.iter().flat_map(|(path, files)| files.iter().map(|file| path.join(&file.name)));
+    files(args).writes(names).makes(made.iter().map(|(path, _)| path)).check()?;
+    let mut places = made.iter().flat_map(|(path, files)| files.iter().map(|file| (path.join(&file.name), file)));
+    if let Some((path, _)) = places.find(|(path, file)| !file.may_replace(path)) {
+        return Err(Error::input("an export would replace this file, which is not its own")
+            .file(path.display().to_string())
+            .help("export into an empty folder: -o NEW-FOLDER"));
+    }
+    for (path, files) in made {
+        folder(path, files, console)?;
+    }
+    say_codes(args, console)?;
+    Ok(Outcome::Done)
+}
+
+/// Refuses a flag that the target does not use.
+fn check_flags(args: &Args) -> Result<()> {
+    use Target::{C, DataSheet, Image, Upload, Verilog};
+    let said =
+        [("--model", args.signature.block.model.is_some()), ("--counter", args.signature.block.counter.is_some())];
+    if let Some((flag, _)) = said.iter().find(|(_, given)| *given && args.signature.sign.is_none()) {
+        return Err(Error::input("belongs to --sign").column(*flag));
+    }
+    let flags: [(&str, bool, &[Target]); 4] = [
+        ("--sign", args.signature.sign.is_some(), &[Image, Upload]),
+        ("--trial", args.trial, &[Upload]),
+        ("--sequence", args.sequence.is_some(), &[Image, Upload, C, Verilog, DataSheet]),
+        ("--loops", args.loops.is_some(), &[C, Verilog]),
+    ];
+    match flags.iter().find(|(_, given, of)| *given && !of.contains(&args.to)) {
+        None => Ok(()),
+        Some((name, _, of)) => {
+            let of: Vec<&str> = of.iter().map(|target| target.name()).collect();
+            Err(Error::input(format!("belongs to --to {}", of.join(", --to "))).column(*name))
+        }
+    }
+}
+
+impl Target {
+    fn name(self) -> &'static str {
+        match self {
+            Self::Image => "image",
+            Self::C => "c",
+            Self::Verilog => "verilog",
+            Self::Loops => "loops",
+            Self::Upload => "upload",
+            Self::DataSheet => "data-sheet",
+        }
+    }
+}
+
+fn per_axis(args: &Args, console: &mut Console) -> Ran {
+    // All images first: a failure of the second axis leaves the first axis' old file.
+    let images = images(args)?;
+    let signed_before = signed_before(args)?;
+    let path_of = |image: &Image| path_of(args, &images, image);
+    files(args).writes(images.iter().map(path_of)).check()?;
+    for image in &images {
+        let path = path_of(image);
+        let mut bytes = image_bytes(image);
+        let block = args.signature.block_of(&bytes)?.or(signed_before);
+        bytes.extend(block.iter().flat_map(|block| block.encode()));
+        let bytes = if args.to == Target::Upload { upload(&bytes, args.trial)? } else { bytes };
+        wrote(&path, &bytes, console)?;
+    }
+    say_codes(args, console)?;
+    Ok(Outcome::Done)
+}
+
+/// A sheet for each axis; only a calibration has an error budget.
+fn data_sheets(args: &Args, console: &mut Console) -> Ran {
+    if !matches!(loading::kind_of(&args.input)?, Kind::Calibration) {
+        return Err(Error::input("a data sheet needs the error budget of a calibration")
+            .file(args.input.display().to_string())
+            .help("give the calibration that the image was made from"));
+    }
+    let calibration = calibration(&args.input)?;
+    let images = encode_all(&calibration, args.sequence)?;
+    let path_of = |image: &Image| path_of(args, &images, image);
+    files(args).writes(images.iter().map(path_of)).check()?;
+    for (axis, image) in calibration.axes.iter().zip(&images) {
+        wrote(&path_of(image), data_sheet(&calibration, axis, image).as_bytes(), console)?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// The output, or one for each axis.
+fn path_of(args: &Args, images: &[Image], image: &Image) -> PathBuf {
+    match images.len() {
+        1 => args.output.clone(),
+        _ => path_of_axis(&args.output, char::from(image.description().axis)),
+    }
+}
+
+/// What the target gives the image at each slow update, where it is more than one thermometer's code.
+fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
+    if !matches!(loading::kind_of(&args.input)?, Kind::Calibration) {
+        return Ok(());
+    }
+    let calibration = loading::calibration(&args.input)?;
+    for axis in calibration.axes.iter().filter(|axis| !axis.other_inputs().is_empty()) {
+        let rows = codes(axis).into_iter().enumerate().map(|(at, code)| {
+            let fed = code.per_code.map_or("none: made on the target".to_owned(), |per_code| {
+                format!("(value - {}) / {per_code:e}", code.offset)
+            });
+            vec![at.to_string(), code.name, fed]
+        });
+        let title = format!("input of axis {}", axis.axis);
+        console.say(drawn(&["place", &title, "code"], rows));
+        let data_given = axis.other_inputs().iter().filter(|input| {
+            matches!(&input.source, InputSource::Column(name) if calibration.setup.stages().model.aux(name).gain_per_code.is_none())
+        });
+        for input in data_given {
+            console.note(format!(
+                "note: the code of {} follows from this fit's span and changes with the next; set gain_per_code under [[aux]] to fix it",
+                input.name
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// The signature of an image that is exported again: it stays, for the image does.
+fn signed_before(args: &Args) -> Result<Option<SignatureBlock>> {
+    let Kind::Image = loading::kind_of(&args.input)? else { return Ok(None) };
+    let block = loading::signed_image(&args.input)?.2;
+    match (&block, &args.signature.sign) {
+        (Some(_), Some(_)) => {
+            Err(Error::input("is signed already; sign the calibration's own export")
+                .file(args.input.display().to_string()))
+        }
+        _ => Ok(block),
+    }
+}
+
+/// The pieces of an image and the word to commit it.
+fn upload(image: &[u8], trial: bool) -> Result<Vec<u8>> {
+    let commit = Message::Commit { len: image.len() as u16, trial };
+    let frames: Result<Vec<_>> = Message::pieces(image).chain([commit]).map(|message| frame_bytes(&message)).collect();
+    Ok(frames?.concat())
+}
+
+/// The images of a calibration, or the one that a file is.
+fn images(args: &Args) -> Result<Vec<Image>> {
+    match loading::kind_of(&args.input)? {
+        Kind::Image if args.sequence.is_some() => {
+            Err(Error::input("an image has its number already; export the calibration again").column("--sequence"))
+        }
+        Kind::Image => Ok(vec![loading::image(&args.input)?]),
+        Kind::Log if args.input.extension().is_some_and(|extension| extension == "hex") => {
+            let bytes = table_or_vectors(&args.input)?;
+            let refused =
+                |e: sagnac_core::DecodeError| Error::input(e.to_string()).file(args.input.display().to_string());
+            Ok(vec![Image::decode(&bytes).map_err(refused)?])
+        }
+        _ => encode_all(&calibration(&args.input)?, args.sequence),
+    }
+}
+
+fn encode_all(calibration: &Calibration, sequence: Option<u32>) -> Result<Vec<Image>> {
+    let parent = sha256(calibration.to_json()?.as_bytes());
+    calibration.axes.iter().map(|axis| encode(calibration, axis, parent, sequence.unwrap_or(1))).collect()
+}
+
+fn calibration(path: &Path) -> Result<Calibration> {
+    let calibration = loading::calibration(path)?;
+    if calibration.serial == UNASSIGNED {
+        return Err(Error::refused(
+            "the calibration belongs to no serial number, and an image must belong to one gyro",
+        )
+        .file(path.display().to_string())
+        .column("serial")
+        .help("calibrate again with --serial"));
+    }
+    Ok(calibration)
+}
+
+/// The loops, for the same tick as the images.
+fn table(args: &Args, images: &[Image]) -> Result<Option<LoopTable>> {
+    let Some(path) = args.loops.as_deref() else { return Ok(None) };
+    let table = loops_of(path)?;
+    match images.iter().find(|image| image.description().tick_ns != table.tick_ns) {
+        None => Ok(Some(table)),
+        Some(image) => Err(Error::input(format!(
+            "its loops are for a tick of {} ns, the correction for one of {} ns",
+            table.tick_ns,
+            image.description().tick_ns
+        ))
+        .file(path.display().to_string())),
+    }
+}
+
+/// The table in a file of reference vectors, or the file itself.
+fn table_or_vectors(path: &Path) -> Result<Vec<u8>> {
+    /// Far beyond any of them.
+    const MOST_BYTES: u64 = 16 << 20;
+    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    let mut bytes = Vec::new();
+    file.take(MOST_BYTES).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, "read", &e))?;
+    let mut words = sagnac_vectors::Words::new(&bytes);
+    let Ok(head) = words.head() else { return Ok(bytes) };
+    let mut room = [0; sagnac_vectors::MAX_TABLE];
+    let table = words.table(&head, &mut room);
+    Ok(table.map_err(|e| Error::input(e.to_string()).file(path.display().to_string()))?.to_vec())
+}
+
+/// The loops of a table, of reference vectors, or of a scenario.
+fn loops_of(path: &Path) -> Result<LoopTable> {
+    let bytes = table_or_vectors(path)?;
+    if bytes.starts_with(&TABLE_MAGIC) {
+        let refused = |e: sagnac_loops::TableError| Error::input(e.to_string()).file(path.display().to_string());
+        return LoopTable::decode(&bytes).map_err(refused);
+    }
+    let design = LoopDesign::build(&read_scenario(path)?).map_err(|problem| refused(path, &problem))?;
+    Ok(LoopTable {
+        tick_ns: (sagnac_sim::TICK_S * 1e9).round() as u32,
+        path_length: design.path_length.integers,
+        intensity: design.intensity.integers,
+    })
+}
+
+fn folder(path: &Path, files: &[TextFile], console: &mut Console) -> Ran {
+    std::fs::create_dir_all(path).map_err(|e| Error::io_path(path, "create", &e))?;
+    for file in files {
+        let file_path = path.join(&file.name);
+        if let Some(below) = file_path.parent() {
+            std::fs::create_dir_all(below).map_err(|e| Error::io_path(below, "create", &e))?;
+        }
+        write_bytes(&file_path, file.text.as_bytes())?;
+    }
+    console.say(format!("wrote {}: {}", path.display(), listed(files).join(", ")));
+    Ok(Outcome::Done)
+}
+
+/// The names of the files; of a folder its name and how many it has.
+fn listed(files: &[TextFile]) -> Vec<String> {
+    let mut names: Vec<String> = Vec::new();
+    let mut folders: BTreeMap<&str, usize> = BTreeMap::new();
+    for file in files {
+        match file.name.split_once('/') {
+            Some((folder, _)) => *folders.entry(folder).or_default() += 1,
+            None => names.push(file.name.clone()),
+        }
+    }
+    names.extend(folders.into_iter().map(|(folder, count)| format!("{folder}/ ({count})")));
+    names
+}
+
+fn wrote(path: &Path, bytes: &[u8], console: &mut Console) -> Ran {
+    write_bytes(path, bytes)?;
+    console.say(format!("wrote {}: {} bytes, SHA-256 {}", path.display(), bytes.len(), hex(&sha256(bytes))));
+    Ok(Outcome::Done)
+}
+
+/// An axis as part of a file name: other characters than letters and digits become their number, so that the file stays in
+/// its folder.
+fn path_letter(axis: char) -> String {
+    if axis.is_ascii_alphanumeric() { axis.to_string() } else { format!("{:02x}", u32::from(axis)) }
+}
+
+/// `unit.img` becomes `unit-x.img`.
+fn path_of_axis(path: &Path, axis: char) -> PathBuf {
+    let axis = path_letter(axis);
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = match path.extension() {
+        Some(extension) => format!("{stem}-{axis}.{}", extension.to_string_lossy()),
+        None => format!("{stem}-{axis}"),
+    };
+    path.with_file_name(name)
+}

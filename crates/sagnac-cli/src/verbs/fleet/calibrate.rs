@@ -1,0 +1,89 @@
+//! `sagnac fleet calibrate`: the same for a factory's gyros, unit by unit.
+
+use std::num::NonZeroUsize;
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+use sagnac::Error;
+use sagnac::fleet::{self, Done, InOrder, PriorFile, Recipe, TABLE, Work, units_of};
+use sagnac::verify::Limits;
+use sagnac_log::setup::Setup;
+
+use crate::args::setup::SetupArgs;
+use crate::files::Files;
+use crate::output::console::{Console, Outcome, Ran};
+use crate::output::progress::Units;
+use crate::verbs::calibrate::source_date_epoch;
+
+/// Calibrate every unit of a folder or a manifest
+///
+/// Records are those of `sagnac calibrate`, byte for byte. A unit without a calibration is a row with its reason, and exit status 1. A
+/// second run does only what has changed.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sagnac fleet calibrate units/ --setup bench.toml -o fleet/ --limits navigation-grade
+  sagnac fleet calibrate 'data/{lot}/unit={unit}/{use}-{run}.parquet' --setup bench.toml -o fleet/
+  sagnac fleet calibrate manifest.csv -o fleet/")]
+pub(crate) struct Args {
+    /// Units: a folder with a folder for each (its logs, those in retest/, its bench.toml), a pattern of logs with {unit}, or a
+    /// manifest, CSV with the columns unit, run, and lot, rig, use (calibrate or verify), setup
+    source: PathBuf,
+    /// Folder for records/, proofs/, units/ and the table fleet.parquet
+    #[arg(short, long, value_name = "FOLDER")]
+    output: PathBuf,
+    /// `auto`, or orders: "bias 3, rate 1"
+    #[arg(long, default_value = "auto")]
+    model: String,
+    /// What is known of the units before their tests: a file of `sagnac fleet prior`, whose model they take
+    #[arg(long, value_name = "FILE", conflicts_with = "model")]
+    prior: Option<PathBuf>,
+    /// Limits that retests are to meet: a TOML file, or `navigation-grade` or `paper`
+    #[arg(long, value_name = "FILE|SET")]
+    limits: Option<String>,
+    /// Does every unit, also those that have not changed
+    #[arg(long)]
+    again: bool,
+    /// Units at a time [default: one for each processor]
+    #[arg(long, value_name = "N")]
+    threads: Option<NonZeroUsize>,
+    /// One JSON object on standard output, text on standard error
+    #[arg(long)]
+    pub(super) json: bool,
+    #[command(flatten)]
+    setup: SetupArgs,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    Files::new().reads(&args.setup.setup).reads(&args.prior).check()?;
+    fleet::check_output(&args.output, &args.source)?;
+    let units = units_of(&args.source)?;
+    let setup = args.setup.over(Setup::default())?;
+    if setup.serial.is_some() {
+        return Err(Error::input("one serial number for all units")
+            .column("serial")
+            .help("take it out: each unit has its name, or the serial number of its own setup"));
+    }
+    let prior = args.prior.as_deref().map(PriorFile::read).transpose()?;
+    let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
+    let (model, epoch_s) = (args.model.parse()?, source_date_epoch()?);
+    let recipe = Recipe::new(setup, model).source_date_epoch(epoch_s).prior(prior).limits(limits);
+    let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
+    let work = Work { recipe: &recipe, threads, again: args.again };
+    let bar = Units::new(units.len());
+    let told = Mutex::new((console, InOrder::new(&units, args.json)));
+    let report = |done: Done| {
+        let (console, lines) = &mut *told.lock().unwrap_or_else(PoisonError::into_inner);
+        bar.one_more();
+        lines.take(done).into_iter().for_each(|line| bar.beside(|| console.say(line)));
+    };
+    let ran = fleet::calibrate(&units, &work, &args.output, &report);
+    drop(bar);
+    let (console, lines) = told.into_inner().unwrap_or_else(PoisonError::into_inner);
+    ran?;
+    let summary = lines.summary();
+    console.say(summary.words());
+    console.say(format!("wrote {}", args.output.join(TABLE).display()));
+    console.object(&summary)?;
+    Ok(if summary.is_good() { Outcome::Done } else { Outcome::SomeFailed })
+}

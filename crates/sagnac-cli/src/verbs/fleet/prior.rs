@@ -1,0 +1,121 @@
+//! `sagnac fleet prior`: what a fleet says of the next unit.
+
+use std::path::{Path, PathBuf};
+
+use sagnac::fleet::{Prior, parts_of, results_in};
+use sagnac::{Error, Result};
+use sagnac_log::write::write_bytes;
+use sagnac_units::format::{celsius, counted, significant, unit};
+
+use crate::files::Files;
+use crate::output::console::{Console, Outcome, Ran};
+use crate::output::terminal::table;
+
+/// Learn from a fleet how the next unit's coefficients are expected to be
+///
+/// Mean and covariance of the units' coefficients on the common basis, freed of what their tests add, without odd units.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sagnac fleet prior fleet/ -o fleet.prior.json
+  sagnac fleet prior fleet/ --without-rig west -o fleet.prior.json
+  sagnac fleet prior here.prior.json there.prior.json -o both.prior.json")]
+pub(crate) struct Args {
+    /// Folders of `sagnac fleet calibrate`, and priors of other fleets: merged
+    #[arg(required = true, value_name = "FLEET")]
+    fleets: Vec<PathBuf>,
+    /// Prior to write
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Model of the units that are used; that of most by default
+    #[arg(long)]
+    model: Option<String>,
+    /// A rig whose units are not used, such as one that `fleet report` names; may be given again
+    #[arg(long, value_name = "RIG")]
+    without_rig: Vec<String>,
+    /// One JSON object on standard output, text on standard error
+    #[arg(long)]
+    pub(super) json: bool,
+}
+
+pub(super) fn run(args: &Args, console: &mut Console) -> Ran {
+    let (folders, files): (Vec<&PathBuf>, Vec<&PathBuf>) = args.fleets.iter().partition(|fleet| fleet.is_dir());
+    let parts = folders.into_iter().flat_map(|folder| parts_of(folder));
+    Files::new().reads(files).reads_all_in(parts).writes(&args.output).check()?;
+    let mut all: Option<Prior> = None;
+    for fleet in &args.fleets {
+        let one = of(fleet, args)?;
+        all = Some(match all {
+            Some(all) => all.merged(one).map_err(|e| e.file(fleet.display().to_string()))?,
+            None => one,
+        });
+    }
+    let prior = all.ok_or_else(|| Error::input("no fleet"))?;
+    console.say(described(&prior));
+    if let Some(path) = &args.output {
+        write_bytes(path, prior.to_json()?.as_bytes())?;
+        console.say(format!("wrote {}", path.display()));
+    }
+    console.object(&prior)?;
+    Ok(Outcome::Done)
+}
+
+fn of(fleet: &Path, args: &Args) -> Result<Prior> {
+    let here = |e: Error| e.file(fleet.display().to_string());
+    if !fleet.is_dir() {
+        let prior = Prior::read(fleet)?;
+        if let Some(rig) = args.without_rig.first() {
+            let what = "a prior does not know which units were on a rig";
+            return Err(here(Error::input(what).column("--without-rig").value(rig)).help("give the fleet's folder"));
+        }
+        return match &args.model {
+            Some(model) if *model != prior.model => {
+                Err(here(Error::input(format!("a prior for `{}`, not for `{model}`", prior.model))))
+            }
+            _ => Ok(prior),
+        };
+    }
+    let mut results = results_in(fleet)?;
+    for rig in &args.without_rig {
+        let before = results.len();
+        results.retain(|unit| unit.rig != *rig);
+        if results.len() == before {
+            return Err(here(Error::input("no unit of this rig").column("--without-rig").value(rig)));
+        }
+    }
+    Prior::learned(&results, args.model.as_deref()).map_err(here)
+}
+
+/// Terms in a table, then the lots, and what was not used.
+fn described(prior: &Prior) -> String {
+    let [lo, hi] = prior.span_c.map(celsius);
+    let axes = counted(usize::try_from(prior.fleet.axes).unwrap_or(usize::MAX), "axis", "axes");
+    let mut out = format!(
+        "prior for `{}` of {axes}, {lo} … {hi} °C; they differ beyond their tests in {} of {} directions\n",
+        prior.model,
+        prior.fleet.directions,
+        prior.terms.len()
+    );
+    let rows = prior.terms.iter().enumerate().map(|(at, term)| {
+        let within = prior.within_lots.as_ref().map_or("-".to_owned(), |within| significant(within.sigma(at), 3));
+        let of_tests = significant(prior.fleet.sigma_of_tests(at), 3);
+        vec![
+            term.clone(),
+            significant(prior.fleet.mean[at], 4),
+            significant(prior.fleet.sigma(at), 3),
+            within,
+            of_tests,
+            unit(&prior.units[at]),
+        ]
+    });
+    out += &table(&["term", "mean", "σ of units", "σ within lots", "σ of their tests", "unit"], rows);
+    if prior.within_lots.is_some() {
+        let lots: Vec<String> = prior.lots.iter().map(|lot| format!("{} ({})", lot.lot, lot.axes)).collect();
+        out += &format!("\n  lots: {}", lots.join(", "));
+    }
+    for part in &prior.not_used {
+        let name = if part.axis.is_empty() { part.axes.to_string() } else { part.axis.clone() };
+        out += &format!("\n  not used: {name}, {}", part.reason);
+    }
+    out
+}

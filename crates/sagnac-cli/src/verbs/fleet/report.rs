@@ -1,0 +1,65 @@
+//! `sagnac fleet report`: what a quality engineer watches, as one HTML file.
+
+use std::path::PathBuf;
+
+use sagnac::fleet::{Quality, UnitResult, parts_of, results_in};
+use sagnac_report::fleet_report;
+use sagnac_units::format::{significant, unit, with_sigma};
+
+use crate::args::report::ReportArgs;
+use crate::files::Files;
+use crate::output::console::{Console, Outcome, Ran};
+
+/// Show a fleet's yield, control charts, odd units, rigs and tight limits
+#[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  sagnac fleet report fleet/ --report fleet.html")]
+pub(crate) struct Args {
+    /// Folder of `sagnac fleet calibrate`
+    fleet: PathBuf,
+    #[command(flatten)]
+    report: ReportArgs,
+}
+
+/// Times from this on are dates, s since 1970: no test lasts three years.
+const DATES_FROM_S: f64 = 1e8;
+
+pub(super) fn run(args: &Args, console: &mut Console) -> Ran {
+    args.report.check_with(Files::new().reads_all_in(parts_of(&args.fleet)))?;
+    let mut results = results_in(&args.fleet)?;
+    let has_date = |result: &UnitResult| result.time_s.is_none_or(|time_s| time_s >= DATES_FROM_S);
+    let dated = results.iter().any(|result| result.time_s.is_some()) && results.iter().all(has_date);
+    if dated {
+        results.sort_by(|a, b| a.time_s.unwrap_or(0.0).total_cmp(&b.time_s.unwrap_or(0.0)));
+    }
+    let quality = Quality::of(&results);
+    describe(console, &quality);
+    let order = if dated { "the times of their logs" } else { "the names of the units: the logs have no dates" };
+    args.report.write(console, || fleet_report(&quality, &results, order))?;
+    Ok(Outcome::Done)
+}
+
+fn describe(console: &mut Console, quality: &Quality) {
+    for of in &quality.yields {
+        let lot = if of.lot.is_empty() { "all lots".to_owned() } else { format!("lot {}", of.lot) };
+        let judged = if of.judged > 0 { format!(", limits met by {} of {}", of.met, of.judged) } else { String::new() };
+        console.say(format!("{lot}: {} of {} units calibrated{judged}", of.calibrated, of.units));
+    }
+    for effect in &quality.rigs {
+        let size = with_sigma(effect.difference, Some(effect.sigma));
+        console.say(format!("rig {}: {} differs by {size} {}", effect.rig, effect.quantity, unit(&effect.unit)));
+    }
+    for odd in quality.odd.iter().take(SHOWN) {
+        console.say(format!("odd: {}, {} {} σ from the median", odd.of, odd.quantity, significant(odd.sigmas, 2)));
+    }
+    if quality.odd.len() > SHOWN {
+        console.say(format!("odd: {} more, in the report", quality.odd.len() - SHOWN));
+    }
+    for (reason, units) in quality.refusals.iter().take(SHOWN) {
+        console.say(format!("{units} not calibrated or not judged: {reason}"));
+    }
+}
+
+/// Lines of a kind on the terminal.
+const SHOWN: usize = 8;

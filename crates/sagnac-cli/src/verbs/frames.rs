@@ -1,0 +1,191 @@
+//! `sagnac frames`: what a gyro said on its serial line, as CSV.
+
+use std::io::{BufReader, Read, Write};
+use std::path::PathBuf;
+
+use sagnac::{Error, Result};
+use sagnac_bench::serial_line::{
+    OutputClock, image_words, intensity_words, is_piece_done, path_length_words, reply_words, status_words,
+};
+use sagnac_board::frame::FrameReader;
+use sagnac_board::{Message, Output, POWER_ON};
+use sagnac_log::ingest::hex;
+use sagnac_log::write::write_atomically;
+
+use crate::files::Files;
+use crate::files::loading;
+use crate::files::pipe::PipeAware;
+use crate::output::console::{Console, Outcome, Ran};
+
+const HEADER: &str =
+    "sequence,tick,time_s,counts,raw,status,path_length,intensity,actuator,current,thermometer_code,lost_steps,image\n";
+
+/// Read the frames of a gyro's serial line (docs/reference/serial-line.md) and write them as CSV
+///
+/// Damaged and missing frames are counted; the gyro's replies are printed on standard error. Standard output gets each
+/// frame as a row at once, so that a live line may be ended with Ctrl-C; a file of -o is written at the end.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sagnac frames captured.bin -o frames.csv
+  sagnac frames < /dev/ttyUSB0")]
+pub(crate) struct Args {
+    /// Bytes of the line; standard input by default
+    #[arg(default_value = "-")]
+    input: PathBuf,
+    /// CSV to write; standard output by default
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// Length of a tick, µs
+    #[arg(long, default_value_t = 100.0)]
+    tick_us: f64,
+}
+
+/// Findings besides the rows.
+#[derive(Default)]
+struct Tally {
+    outputs: u64,
+    /// Replies and challenges, as lines.
+    answers: Vec<String>,
+    others: u64,
+    clock: OutputClock,
+    damaged_bytes: u64,
+}
+
+/// Largest number of answers that are listed one by one.
+const MOST_ANSWERS: usize = 100;
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    if !(args.tick_us > 0.0 && args.tick_us <= 1e6) {
+        return Err(Error::input("must be above 0 and at most a million")
+            .column("--tick-us")
+            .value(args.tick_us.to_string()));
+    }
+    Files::new().reads([&args.input]).writes(&args.output).check()?;
+    args.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV"))?;
+    let mut tally = Tally::default();
+    match &args.output {
+        Some(path) => {
+            write_atomically(path, |out| pour(args, &mut tally, out)).map_err(|e| e.file(path.display().to_string()))?
+        }
+        None => {
+            let mut out = PipeAware::new(std::io::stdout());
+            let poured = pour(args, &mut tally, &mut out);
+            if !out.closed() {
+                poured?;
+            }
+        }
+    }
+    report(&tally, console)
+}
+
+fn report(tally: &Tally, console: &mut Console) -> Ran {
+    for answer in &tally.answers {
+        console.note(answer);
+    }
+    console.note(format!("{} output frames, {} missing between them", tally.outputs, tally.clock.missing));
+    if tally.clock.breaks > 0 {
+        console.note(format!(
+            "{} times count or clock jump: restarts, or frames twice or in disorder",
+            tally.clock.breaks
+        ));
+    }
+    if tally.damaged_bytes > 0 {
+        console.note(format!("{} bytes belong to no frame: damaged or of another sender", tally.damaged_bytes));
+    }
+    if tally.others > 0 {
+        console.note(format!("{} frames of other kinds", tally.others));
+    }
+    Ok(Outcome::Done)
+}
+
+fn pour(args: &Args, tally: &mut Tally, out: &mut dyn Write) -> Result<()> {
+    let input = &args.input;
+    let failed = |e: &std::io::Error| Error::io_path(input, "read", e);
+    let mut bytes: Box<dyn Read> = if input.as_os_str() == "-" {
+        Box::new(std::io::stdin())
+    } else {
+        Box::new(std::fs::File::open(input).map_err(|e| Error::io_path(input, "open", &e))?)
+    };
+    let written = |e: &std::io::Error| Error::io("output", "write", e);
+    out.write_all(HEADER.as_bytes()).map_err(|e| written(&e))?;
+    let mut reader = FrameReader::new();
+    let mut block = [0; 1 << 16];
+    let mut source = BufReader::new(&mut bytes);
+    loop {
+        let have = source.read(&mut block).map_err(|e| failed(&e))?;
+        if have == 0 {
+            break;
+        }
+        for byte in &block[..have] {
+            let mut frame = reader.push(*byte);
+            while let Some(found) = frame {
+                if let Some(row) = tally.take(&found, args.tick_us) {
+                    out.write_all(row.as_bytes()).map_err(|e| written(&e))?;
+                }
+                frame = reader.next_buffered();
+            }
+        }
+    }
+    tally.damaged_bytes = reader.skipped() + reader.buffered() as u64;
+    if tally.outputs == 0 && tally.answers.is_empty() {
+        let error = Error::input("holds no frame of a gyro").help("docs/reference/serial-line.md has the format");
+        return Err(error.file(input.display().to_string()));
+    }
+    out.flush().map_err(|e| written(&e))
+}
+
+impl Tally {
+    fn note(&mut self, line: String) {
+        if self.answers.len() < MOST_ANSWERS {
+            self.answers.push(line);
+        }
+    }
+
+    /// Counts a frame; the row of an output.
+    fn take(&mut self, frame: &sagnac_board::frame::Frame, tick_us: f64) -> Option<String> {
+        match Message::parse(frame) {
+            Some(Message::Output(output)) => {
+                self.outputs += 1;
+                self.clock.follow(&output);
+                Some(row(&output, self.clock.ticks, tick_us))
+            }
+            Some(Message::Reply(reply)) => {
+                if reply.to == POWER_ON {
+                    // Power-on begins a new count.
+                    self.clock.power_on();
+                }
+                if !is_piece_done(&reply) {
+                    self.note(reply_words(&reply));
+                }
+                None
+            }
+            Some(Message::Challenge(challenge)) => {
+                self.note(format!("challenge {}", hex(&challenge)));
+                None
+            }
+            _ => {
+                self.others += 1;
+                None
+            }
+        }
+    }
+}
+
+fn row(o: &Output, ticks: u64, tick_us: f64) -> String {
+    let time_s = ticks as f64 * tick_us * 1e-6;
+    let thermometer = o.temperature.map_or(String::new(), |code| code.to_string());
+    format!(
+        "{},{ticks},{time_s:.6},{},{},{},{},{},{},{},{thermometer},{},{}\n",
+        o.sequence,
+        o.counts,
+        o.raw,
+        status_words(o),
+        path_length_words(o),
+        intensity_words(o),
+        o.actuator,
+        o.current,
+        o.lost_steps,
+        image_words(o)
+    )
+}

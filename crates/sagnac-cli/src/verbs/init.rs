@@ -1,0 +1,407 @@
+//! `sagnac init`: looks at a log and writes a setup for it, each guess marked.
+//!
+//! Columns are found by their names and units, in English, German, French and Spanish; a unit that is not stated is guessed from the
+//! values. Dates are a time, and so is a column that a schema calls one. What no log can say (size of a count, input rate, serial number) stays open: it is never guessed.
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+
+use sagnac_log::ingest::header::{Role, role_of};
+use sagnac_log::ingest::{Sample, SampleColumn, sample};
+use sagnac_log::setup::ThermometerSetup;
+use sagnac_log::write::write_bytes;
+use sagnac_units::format::{file_name, one_line};
+
+use crate::files::Files;
+use crate::output::console::{Console, Outcome, Ran};
+
+/// Look at a log and write a commented setup for it
+///
+/// Asks nothing. Each guess is marked GUESS, and what no log can say is left open.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  sagnac init cycle-1.csv -o bench.toml && sagnac calibrate cycle-1.csv --setup bench.toml --arcsec-per-count 1.059 -o unit.cal.json")]
+pub(crate) struct Args {
+    /// Log: CSV, tab- or semicolon-separated, Parquet, Arrow or ULog, also gzipped
+    log: PathBuf,
+    /// Setup to write; standard output by default
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    Files::new().reads([&args.log]).writes(&args.output).check()?;
+    let text = setup_of(&file_name(&args.log.display().to_string()), &sample(&args.log)?);
+    match &args.output {
+        None => console.say(text.trim_end()),
+        Some(path) => {
+            write_bytes(path, text.as_bytes())?;
+            let guesses = text.lines().filter(|line| line.contains("GUESS")).count().saturating_sub(1);
+            console.say(format!("wrote {}: {guesses} guess{}", path.display(), if guesses == 1 { "" } else { "es" }));
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+/// What a column is for, and how sure that is.
+struct Guess {
+    /// Header of Sagnac.
+    role: String,
+    /// What of it is not stated in the log.
+    guessed: Vec<String>,
+}
+
+const TIME: [&str; 10] =
+    ["time", "zeit", "temps", "tiempo", "timestamp", "elapsed", "clock", "datetime", "date", "datum"];
+const TEMPERATURE: [&str; 10] =
+    ["temperature", "temp", "temperatur", "température", "temperatura", "tmp", "thermo", "thermometer", "rtd", "pt100"];
+const COUNTS: [&str; 17] = [
+    "counts",
+    "count",
+    "cnt",
+    "cnts",
+    "pulses",
+    "pulse",
+    "puls",
+    "impulse",
+    "fringes",
+    "fringe",
+    "impulsions",
+    "pulsos",
+    "counter",
+    "zähler",
+    "zaehler",
+    "compteur",
+    "contador",
+];
+const RATE: [&str; 8] = ["rate", "gyro", "omega", "drehrate", "gyr", "angrate", "vitesse", "velocidad"];
+const FLAG: [&str; 3] = ["valid", "ok", "gueltig"];
+
+/// Units as people write them, and the ending of Sagnac's header.
+type Units = [(&'static [&'static str], &'static str)];
+const TIME_UNITS: &Units = &[
+    (&["s", "sec", "secs", "second", "seconds", "sek", "sekunden"], "s"),
+    (&["ms", "msec", "milliseconds"], "ms"),
+    (&["us", "µs", "μs", "usec", "microseconds"], "us"),
+    (&["ns", "nsec", "nanoseconds"], "ns"),
+];
+/// Units of a time that Sagnac does not read: rounded to a few digits, they do not give the length of a row.
+const UNREAD_TIME_UNITS: [&str; 22] = [
+    "min", "mins", "minute", "minutes", "minuten", "minutos", "h", "hr", "hrs", "hour", "hours", "std", "stunde",
+    "stunden", "heure", "heures", "hora", "horas", "days", "tage", "jours", "dias",
+];
+const TEMPERATURE_UNITS: &Units = &[(&["c", "°c", "degc", "deg c", "celsius", "grad c"], "c"), (&["k", "kelvin"], "k")];
+const RATE_UNITS: &Units = &[
+    (&["°/h", "deg/h", "deg/hr", "dph", "°/hr"], "dph"),
+    (&["°/s", "deg/s", "dps", "deg/sec", "°/sec"], "dps"),
+    (&["rad/s", "radps", "rad/sec"], "radps"),
+];
+
+/// The setup as text.
+fn setup_of(name: &str, sample: &Sample) -> String {
+    let mut used = BTreeSet::new();
+    let guesses: Vec<Option<Guess>> = sample.columns.iter().map(|column| guess(column, &mut used)).collect();
+    let mut out = format!(
+        "# Made by `sagnac init` from {}. Lines with GUESS are to be checked; what no log can say is left open.\n",
+        one_line(name)
+    );
+    if sample.above > 0 {
+        out += &format!("# The headers are in line {}.\n", sample.header_line);
+    }
+    for assumed in &sample.assumed {
+        out += &format!("# {}.\n", one_line(assumed));
+    }
+    out += "\n# serial = \"\"            # serial number of the gyro: needed for an image\n# sensor = \"\"            # what it is, in words\n# rig = \"\"               # chamber, table, site\n";
+    let is = |prefix: &str| guesses.iter().flatten().any(|guess| guess.role.starts_with(prefix));
+    if is("counts") {
+        out += "\n# NEEDED: the nominal size of a count, arcsec. No log can say it.\n# arcsec_per_count = 1.0\n";
+        out += &counter(&sample.columns, &guesses);
+    }
+    if !is("time") {
+        let sampled = "# sample_interval_s = 1.0\n";
+        out += &format!("\n# NEEDED: no column of time was found. The length of a row, s:\n{sampled}");
+    }
+    if !is("temperature") {
+        out += "\n# No column of temperature was found: noise can be measured from this log, drift over temperature cannot.\n";
+    }
+    if !is("counts") && !is("rate") {
+        out += "\n# NEEDED: no column of counts or rates was found. Map one below.\n";
+    }
+    out += &input_rate(&guesses);
+    out + &columns(&sample.columns, &guesses) + &slow_thermometers(&sample.columns, &guesses)
+}
+
+/// How long readings hold, of thermometers that are read in few of the rows: one and a half times their interval, as the log reader has it.
+fn slow_thermometers(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
+    let Some(row_s) = all.iter().zip(guesses).find_map(|(column, guess)| row_s(column, &guess.as_ref()?.role)) else {
+        return String::new();
+    };
+    let mut out = String::new();
+    for (column, guess) in all.iter().zip(guesses) {
+        let Some(Ok(Role::Temperature { name, .. })) = guess.as_ref().map(|guess| role_of(&guess.role)) else {
+            continue;
+        };
+        let apart_s = (1e3 * column.rows_apart().unwrap_or(0) as f64 * row_s).round() / 1e3;
+        let hold_s = (1.5 * apart_s).ceil();
+        if hold_s > ThermometerSetup::named(&name).stale_after_s {
+            out += &format!(
+                "\n[[thermometer]]\nname = {}\nstale_after_s = {hold_s}   # GUESS: its readings are {apart_s} s apart\n",
+                quoted(&name)
+            );
+        }
+    }
+    out
+}
+
+/// The interval of the rows by a column of times, s.
+fn row_s(column: &SampleColumn, role: &str) -> Option<f64> {
+    match role_of(role) {
+        Ok(Role::Time { .. }) if column.is_dates() => median_step(&column.dates_s()),
+        Ok(Role::Time { places: places @ ..=9 }) => {
+            Some(median_step(&column.numbers())? * 10_f64.powi(places as i32 - 9))
+        }
+        _ => None,
+    }
+}
+
+/// The median of the steps forward.
+fn median_step(times: &[f64]) -> Option<f64> {
+    let mut steps: Vec<f64> = times.windows(2).map(|pair| pair[1] - pair[0]).filter(|step| *step > 0.0).collect();
+    steps.sort_by(f64::total_cmp);
+    steps.get(steps.len() / 2).copied()
+}
+
+/// The line of the input rate, with the letters of the axes where there are several.
+fn input_rate(guesses: &[Option<Guess>]) -> String {
+    let axis_of = |guess: &Guess| match role_of(&guess.role) {
+        Ok(Role::Counts { axis } | Role::Rate { axis, .. }) => axis,
+        _ => None,
+    };
+    let axes: BTreeSet<char> = guesses.iter().flatten().filter_map(axis_of).collect();
+    let each: Vec<String> = axes.iter().map(|axis| format!("{axis} = 0.0")).collect();
+    let (value, of) =
+        if each.len() > 1 { (format!("{{ {} }}", each.join(", ")), "each") } else { ("0.0".to_owned(), "the") };
+    format!("\n# input_rate_dph = {value}     # input rate along {of} axis during the test, °/h, for the fixed bias\n")
+}
+
+/// The mapping of the columns.
+fn columns(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
+    let mut out = String::from("\n[columns]\n");
+    for (column, guess) in all.iter().zip(guesses).filter(|(column, _)| !column.header.is_empty()) {
+        let (header, cell) = (quoted(&column.header), column.cells.iter().find(|cell| !cell.is_empty()));
+        let example = cell.map_or(String::new(), |cell| format!(" (first: {})", one_line(cell)));
+        out += &match guess {
+            Some(guess) if guess.role == column.header && guess.guessed.is_empty() => {
+                format!("# {header} is read as it is\n")
+            }
+            Some(Guess { role, guessed }) if guessed.is_empty() => format!("{header} = \"{role}\"\n"),
+            Some(Guess { role, guessed }) => {
+                format!("{header} = \"{role}\"   # GUESS: {}{example}\n", guessed.join("; "))
+            }
+            None => format!("{header} = \"ignore\"   # not known; \"aux_name\" makes it an input{example}\n"),
+        };
+    }
+    out
+}
+
+/// Moves in one direction, with none in the other, that are no noise.
+const FEWEST_MOVES: usize = 16;
+
+/// Whether a column of counts is a running total, and its smallest step.
+fn counter(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
+    let is_counts = |guess: &Option<Guess>| guess.as_ref().is_some_and(|guess| guess.role.starts_with("counts"));
+    let Some((column, _)) = all.iter().zip(guesses).find(|(_, guess)| is_counts(guess)) else { return String::new() };
+    let numbers = column.numbers();
+    let steps: Vec<f64> = numbers.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let mean = steps.iter().sum::<f64>() / steps.len().max(1) as f64;
+    let spread = steps.iter().map(|step| (step - mean).abs()).fold(0.0, f64::max);
+    let count = |of: fn(&&f64) -> bool| steps.iter().filter(of).count();
+    let (rises, falls) = (count(|step| **step > 0.0), count(|step| **step < 0.0));
+    // By about as much each, or, of a slow gyro with many rows alike, so often that noise would have gone the other way.
+    let goes_on = steps.len() > 2 && mean.abs() > spread || rises.max(falls) >= FEWEST_MOVES;
+    let mut out = String::new();
+    if rises.min(falls) == 0 && goes_on {
+        out += "counter = \"cumulative\"   # GUESS: rows differ in one direction only\n";
+    }
+    let fraction =
+        |quantum: f64| numbers.iter().all(|count| ((count / quantum).round() * quantum - count).abs() < 1e-9);
+    if !fraction(1.0)
+        && let Some(quantum) = [0.5, 0.25, 0.125, 0.1, 0.01].into_iter().find(|quantum| fraction(*quantum))
+    {
+        out += &format!("quantum = {quantum}   # GUESS: every count is a multiple of it\n");
+    }
+    out
+}
+
+const AXES: [&str; 3] = ["x", "y", "z"];
+/// Largest time that a log can hold, s.
+const MOST_TIME_S: f64 = 4.6e9;
+
+/// What a column is; `None` where nothing says it. No role is given twice.
+fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
+    let header = &column.header;
+    // Under these names without a unit a log holds dates.
+    let is_of_dates = ["time", "timestamp", "datetime"].contains(&header.to_lowercase().as_str());
+    let is_known = matches!(role_of(header), Ok(role) if role != Role::Ignored) && column.unit.is_none();
+    if is_known && (!is_of_dates || column.is_dates()) && used.insert(kind_of(header)) {
+        return Some(Guess { role: header.clone(), guessed: Vec::new() });
+    }
+    let (words, bracket) = words_of(header);
+    let unit = column.unit.clone().or(bracket);
+    let has = |names: &[&str]| words.iter().any(|word| names.contains(&word.as_str()));
+    // `gx_dps`: rates of axes by one letter, where their unit is stated; without, they may be accelerations.
+    let first = words.first().map_or("", String::as_str);
+    let of_axis = first.strip_prefix(['g', 'w']).filter(|axis| AXES.contains(axis));
+    let of_axis = of_axis.filter(|_| stated(unit.as_deref(), &words, RATE_UNITS).is_some());
+    let axis = of_axis.or_else(|| words.iter().map(String::as_str).find(|word| AXES.contains(word)));
+    let axis = axis.map_or(String::new(), |axis| format!("_{axis}"));
+    // A `t` that only rises is the time, alone or with a unit of time; any other, and one with a place behind it, is a temperature.
+    let is_t = first == "t";
+    let of_time = || words.len() == 1 || stated(unit.as_deref(), &words, TIME_UNITS).is_some();
+    let rises = || column.numbers().windows(2).all(|pair| pair[1] > pair[0]);
+    let made = if column.is_dates() || has(&TIME) || is_t && of_time() && rises() {
+        time(column, unit.as_deref(), &words)
+    } else if has(&TEMPERATURE) || is_t {
+        Some(temperature(column, unit.as_deref(), &words))
+    } else if has(&COUNTS) {
+        Some(Guess { role: format!("counts{axis}"), guessed: vec!["by its name".to_owned()] })
+    } else if (has(&RATE) || of_axis.is_some()) && !column.numbers().is_empty() {
+        rate(column, unit.as_deref(), &words, &axis)
+    } else if has(&FLAG) {
+        Some(Guess { role: "valid".to_owned(), guessed: vec!["by its name".to_owned()] })
+    } else {
+        by_unit(column, unit.as_deref().or_else(|| behind_blank(header))?, &words, &axis)
+    }?;
+    (made.role == "ignore" || used.insert(kind_of(&made.role))).then_some(made)
+}
+
+/// What a column is whose name says nothing, by its unit.
+fn by_unit(column: &SampleColumn, unit: &str, words: &[String], axis: &str) -> Option<Guess> {
+    let guess = if stated(Some(unit), &[], TEMPERATURE_UNITS).is_some() {
+        temperature(column, Some(unit), words)
+    } else if stated(Some(unit), &[], RATE_UNITS).is_some() {
+        rate(column, Some(unit), words, axis)?
+    } else if COUNTS.contains(&unit.to_lowercase().as_str()) {
+        Guess { role: format!("counts{axis}"), guessed: Vec::new() }
+    } else {
+        return None;
+    };
+    Some(Guess { guessed: vec![format!("by its unit, {unit}")], ..guess })
+}
+
+/// The last word of a header, which may be a unit: `Chamber °C`. One letter alone names a channel as often.
+fn behind_blank(header: &str) -> Option<&str> {
+    let (_, last) = header.trim_end().rsplit_once(char::is_whitespace)?;
+    (last.chars().count() > 1).then_some(last)
+}
+
+/// What a log has once: a role, or the time as a number in whatever unit. Dates may stand beside such a time.
+fn kind_of(role: &str) -> String {
+    if role.starts_with("time_") { "time_".to_owned() } else { role.to_owned() }
+}
+
+/// The words of a header in small letters, and the unit in its brackets.
+fn words_of(header: &str) -> (Vec<String>, Option<String>) {
+    let (name, rest) = header.split_once(['(', '[']).unwrap_or((header, ""));
+    let unit = rest.trim_end_matches([')', ']']).trim();
+    let lower = name.to_lowercase();
+    let words = lower.split(|c: char| !c.is_alphanumeric() && c != '°').filter(|word| !word.is_empty());
+    (words.map(str::to_owned).collect(), (!unit.is_empty()).then(|| unit.to_owned()))
+}
+
+/// The unit as it is stated in brackets, a line of units or a word of the name, by a table of what people write.
+fn stated(unit: Option<&str>, words: &[String], known: &Units) -> Option<&'static str> {
+    let find = |text: &str| {
+        let text = text.trim_matches(['[', ']', '(', ')', ' ']).to_lowercase();
+        known.iter().find(|(names, _)| names.contains(&text.as_str())).map(|(_, ending)| *ending)
+    };
+    // A stated unit that is not known is not overruled by a word of the name.
+    match unit {
+        Some(unit) => find(unit),
+        None => words.iter().skip(1).find_map(|word| find(word)),
+    }
+}
+
+fn time(column: &SampleColumn, unit: Option<&str>, words: &[String]) -> Option<Guess> {
+    if column.is_dates() {
+        return Some(Guess { role: "time".to_owned(), guessed: Vec::new() });
+    }
+    let numbers = column.numbers();
+    if let Some(ending) = stated(unit, words, TIME_UNITS) {
+        return Some(Guess { role: format!("time_{ending}"), guessed: Vec::new() });
+    }
+    let named = || words.iter().map(String::as_str).find(|word| UNREAD_TIME_UNITS.contains(word));
+    if let Some(unit) = unit.or_else(named) {
+        return Some(Guess {
+            role: "ignore".to_owned(),
+            guessed: vec![format!("a time in {unit} is not read; convert it to seconds")],
+        });
+    }
+    let step = median_step(&numbers)?;
+    // Rows of a log are between half a millisecond and ten minutes apart, and its times less than two centuries from zero.
+    let farthest = numbers.iter().fold(0.0_f64, |most, time| most.max(time.abs()));
+    let is_of = |per_s: f64| step <= 600.0 * per_s && farthest <= MOST_TIME_S * per_s;
+    let ending = [("s", 1.0), ("ms", 1e3), ("us", 1e6)].into_iter().find(|(_, per_s)| is_of(*per_s));
+    let ending = ending.map_or("ns", |(ending, _)| ending);
+    Some(Guess { role: format!("time_{ending}"), guessed: vec![format!("the unit, from rows that are {step} apart")] })
+}
+
+fn temperature(column: &SampleColumn, unit: Option<&str>, words: &[String]) -> Guess {
+    let known = stated(unit, words, TEMPERATURE_UNITS);
+    if let (None, Some(unit)) = (known, unit) {
+        return Guess {
+            role: "ignore".to_owned(),
+            guessed: vec![format!("a temperature in {unit} is not read; convert it to °C")],
+        };
+    }
+    let mut sorted = column.numbers();
+    sorted.sort_by(f64::total_cmp);
+    let middle = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
+    let guessed = if middle > 200.0 { "k" } else { "c" };
+    let ending = known.unwrap_or(guessed);
+    let is_plain = |word: &&String| {
+        word.as_str() != "t"
+            && !TEMPERATURE.contains(&word.as_str())
+            && !TEMPERATURE_UNITS.iter().any(|(names, _)| names.contains(&word.as_str()))
+    };
+    let name: Vec<&str> = words.iter().filter(is_plain).map(String::as_str).collect();
+    let name = if name.is_empty() { String::new() } else { format!("_{}", name.join("_")) };
+    let why = if known.is_none() { vec![format!("the unit, from values near {middle}")] } else { Vec::new() };
+    Guess { role: format!("temperature_{ending}{name}"), guessed: why }
+}
+
+fn rate(column: &SampleColumn, unit: Option<&str>, words: &[String], axis: &str) -> Option<Guess> {
+    if let Some(ending) = stated(unit, words, RATE_UNITS) {
+        return Some(Guess { role: format!("rate_{ending}{axis}"), guessed: Vec::new() });
+    }
+    if unit.is_some() {
+        return None;
+    }
+    let mut sizes: Vec<f64> = column.numbers().iter().map(|rate| rate.abs()).collect();
+    sizes.sort_by(f64::total_cmp);
+    let middle = sizes[sizes.len() / 2];
+    // At rest a gyro sees the Earth at most: 15 °/h, 0.0042 °/s or 73 µrad/s, beside its own bias.
+    let ending = match middle {
+        middle if middle < 1e-3 => "radps",
+        middle if middle < 1.0 => "dps",
+        _ => "dph",
+    };
+    Some(Guess {
+        role: format!("rate_{ending}{axis}"),
+        guessed: vec![format!("the unit, from rates near {middle}: check it")],
+    })
+}
+
+/// A key of TOML.
+fn quoted(header: &str) -> String {
+    let escaped: String = header
+        .chars()
+        .flat_map(|c| match c {
+            '"' | '\\' => vec!['\\', c],
+            c if c.is_control() => format!("\\u{:04X}", u32::from(c)).chars().collect(),
+            c => vec![c],
+        })
+        .collect();
+    format!("\"{escaped}\"")
+}

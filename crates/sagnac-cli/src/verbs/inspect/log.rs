@@ -1,0 +1,260 @@
+//! `sagnac inspect` of a log: what it holds, and what it is good for.
+
+use std::path::{Path, PathBuf};
+
+use sagnac::Result;
+use sagnac::survey::{AxisSurvey, Survey, ThermometerSurvey, survey};
+use sagnac::window::{WindowBuilder, Windows};
+use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, ReadMode, Tally, already_compensated};
+use sagnac_log::setup::Setup;
+use sagnac_report::survey_report;
+use sagnac_units::format::{counted, significant, with_sigma};
+use sagnac_units::s_from_ns;
+use serde::Serialize;
+
+use crate::args::report::ReportArgs;
+use crate::args::setup::LogArgs;
+use crate::files::loading;
+use crate::output::console::Console;
+use crate::output::progress::open_log;
+use crate::output::terminal::table;
+use crate::verbs::calibrate::excluded;
+use crate::verbs::inspect::results;
+
+/// Output of `inspect --json` for a log or window table.
+#[derive(Serialize)]
+struct LogObject {
+    kind: &'static str,
+    /// What it is good for, and what it lacks.
+    survey: Survey,
+    /// The setting without which `calibrate` does not run.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    asks_for: Option<&'static str>,
+    axes: Vec<LogAxis>,
+    quantity: &'static str,
+    rows: u64,
+    sample_interval_s: f64,
+    length_s: f64,
+    windows: usize,
+    windows_used: usize,
+    excluded: Vec<Tally>,
+    ignored_columns: Vec<String>,
+}
+
+#[derive(Serialize)]
+struct LogAxis {
+    axis: char,
+    /// Null for counts of unknown scale.
+    mean_dph: Option<f64>,
+    /// Null for rates.
+    mean_counts_per_s: Option<f64>,
+}
+
+const SCALE_KEY: &str = "arcsec_per_count";
+
+pub(super) fn window_table(path: &Path, args: &LogArgs, report: &ReportArgs, console: &mut Console) -> Result<()> {
+    let (windows, setup) = loading::windows(std::slice::from_ref(&path.to_owned()), args)?;
+    console.say("a window table");
+    described(&windows, Vec::new(), "window table", &setup, report, console)
+}
+
+/// Logs that are runs of one test.
+pub(super) fn several(paths: &[PathBuf], args: &LogArgs, report: &ReportArgs, console: &mut Console) -> Result<()> {
+    let (windows, setup) = match loading::windows(paths, args) {
+        Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) => {
+            let given = args.setup.over(Setup::default())?;
+            let counted = Setup { arcsec_per_count: Some(1.0), ..given.clone() };
+            let builder = WindowBuilder::read_all(loading::logs(paths, &counted, "reading")?, &counted)?;
+            (args.outliers(builder).finish(), given)
+        }
+        read => read?,
+    };
+    console.say(format!("{} logs, {} runs", paths.len(), windows.runs.len()));
+    described(&windows, Vec::new(), "logs", &setup, report, console)
+}
+
+pub(super) fn log(path: &Path, args: &LogArgs, report: &ReportArgs, console: &mut Console) -> Result<()> {
+    let given = args.setup.over(Setup::default())?;
+    let (reader, setup) = match open_as_far_as_known(path, given) {
+        Err(error) if error.what == already_compensated().what => return results::compensated(None, console),
+        opened => opened?,
+    };
+    let shape = reader.shape().clone();
+    console.say(shape_text(&shape));
+    let windows = args.outliers(WindowBuilder::read_all(vec![reader], &setup)?).finish();
+    described(&windows, shape.ignored, "log", &setup, report, console)
+}
+
+/// Opens a log. Counts without a stated scale are read with 1 arcsec per count, so that °/h means counts per second; the
+/// returned setup still lacks the scale.
+fn open_as_far_as_known(path: &Path, given: Setup) -> Result<(LogReader, Setup)> {
+    match open_log(path, &given, ReadMode::Bulk, "reading") {
+        Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) && path.as_os_str() != "-" => {
+            let setup = Setup { arcsec_per_count: Some(1.0), ..given };
+            Ok((open_log(path, &setup, ReadMode::Bulk, "reading")?, Setup { arcsec_per_count: None, ..setup }))
+        }
+        opened => Ok((opened?, given)),
+    }
+}
+
+fn shape_text(shape: &LogShape) -> String {
+    let axes: Vec<String> = shape.axes.iter().map(char::to_string).collect();
+    let quantity = match shape.unit {
+        AngleUnit::Quanta { quantum, .. } => format!("counts, quantum {quantum}"),
+        AngleUnit::Arcsec => "rates".to_owned(),
+    };
+    let thermometers = match shape.thermometers.len() {
+        0 => "no thermometer".to_owned(),
+        1 => "one thermometer".to_owned(),
+        n => format!("{n} thermometers"),
+    };
+    let ignored =
+        if shape.ignored.is_empty() { String::new() } else { format!("; not read: {}", shape.ignored.join(", ")) };
+    format!("a log of {quantity}, axes {}, {thermometers}{ignored}", axes.join(" "))
+}
+
+fn described(
+    windows: &Windows,
+    ignored: Vec<String>,
+    kind: &'static str,
+    setup: &Setup,
+    report: &ReportArgs,
+    console: &mut Console,
+) -> Result<()> {
+    let scale_known = setup.arcsec_per_count.is_some() || windows.shape.unit == AngleUnit::Arcsec;
+    let assumed = Setup { arcsec_per_count: setup.arcsec_per_count.or(Some(1.0)), ..setup.clone() };
+    let mut found = survey(windows, if scale_known { setup } else { &assumed })?;
+    if !scale_known {
+        found.cautions.push(
+            "the size of a count is not known (--arcsec-per-count): rates below are counts per second".to_owned(),
+        );
+    }
+    let object = object_of(windows, found, ignored, kind, scale_known);
+    say(&object, scale_known, console);
+    report.write(console, || survey_report(&object.survey, windows))?;
+    console.object(&object)
+}
+
+fn say(object: &LogObject, scale_known: bool, console: &mut Console) {
+    console.say(format!(
+        "{} rows every {} s, {} s in all; {}, {} of them to be used",
+        object.rows,
+        significant(object.sample_interval_s, 6),
+        significant(object.length_s, 6),
+        counted(object.windows, "window", "windows"),
+        object.windows_used
+    ));
+    let Survey { good_for, reason, cautions, thermometers, coverage, axes, .. } = &object.survey;
+    let because = reason.as_ref().map_or(String::new(), |why| format!(": {why}"));
+    console.say(format!("verdict: {}{because}", good_for.name()));
+    cautions.iter().for_each(|caution| console.say(format!("mind: {caution}")));
+    console.say("");
+    console.say(axes_table(&object.axes, axes, scale_known));
+    if !thermometers.is_empty() {
+        console.say("");
+        console.say(thermometers_table(thermometers));
+    }
+    if let Some(map) = coverage {
+        console.say("");
+        map.picture().iter().for_each(|line| console.say(line));
+    }
+    let lines = excluded(&object.excluded);
+    if !lines.is_empty() {
+        console.say("");
+        lines.iter().for_each(|line| console.say(line));
+    }
+    missing(axes, console);
+}
+
+fn axes_table(means: &[LogAxis], axes: &[AxisSurvey], scale_known: bool) -> String {
+    let cell = |value: Option<f64>| value.map_or("-".to_owned(), |v| significant(v, 7));
+    let rows = means.iter().zip(axes).map(|(mean, axis)| {
+        let slope = axis.slope_dph_per_c.filter(|_| scale_known);
+        vec![
+            mean.axis.to_string(),
+            cell(mean.mean_dph),
+            cell(mean.mean_counts_per_s),
+            axis.arw_deg_rt_h.filter(|_| scale_known).map_or("-".to_owned(), |arw| significant(arw, 3)),
+            slope.map_or("-".to_owned(), |[value, sigma]| with_sigma(value, Some(sigma))),
+        ]
+    });
+    table(&["axis", "mean, °/h", "mean, counts/s", "ARW, °/√h", "slope, °/h per °C"], rows)
+}
+
+fn thermometers_table(all: &[ThermometerSurvey]) -> String {
+    let cell = |value: Option<f64>, digits: i32| value.map_or("-".to_owned(), |v| significant(v, digits));
+    let rows = all.iter().map(|t| {
+        let name = if t.name.is_empty() { "temperature" } else { &t.name };
+        let fixed = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.2}"));
+        vec![
+            name.to_owned(),
+            fixed(t.min_c),
+            fixed(t.max_c),
+            cell(t.noise_c, 2),
+            cell(t.resolution_c, 2),
+            cell(t.reading_interval_s, 4),
+        ]
+    });
+    table(&["thermometer", "min, °C", "max, °C", "noise, °C", "resolution, °C", "reading every, s"], rows)
+}
+
+/// Limits of an acceptance for which the log has no figure; axes that lack the same share a line.
+fn missing(axes: &[AxisSurvey], console: &mut Console) {
+    let mut said: Vec<(String, Vec<String>)> = Vec::new();
+    for axis in axes {
+        for one in axis.unanswered.iter().flatten() {
+            let line = format!("{}: {}", one.why, one.limits.join(", "));
+            match said.iter_mut().find(|(known, _)| *known == line) {
+                Some((_, letters)) => letters.push(axis.axis.to_string()),
+                None => said.push((line, vec![axis.axis.to_string()])),
+            }
+        }
+    }
+    if said.is_empty() {
+        return;
+    }
+    console.say("");
+    console.say("as a retest it has no figure for these limits:");
+    for (line, letters) in said {
+        let of = if letters.len() == axes.len() { String::new() } else { format!("axis {}: ", letters.join(" ")) };
+        console.say(format!("  {of}{line}"));
+    }
+}
+
+fn object_of(
+    windows: &Windows,
+    survey: Survey,
+    ignored: Vec<String>,
+    kind: &'static str,
+    scale_known: bool,
+) -> LogObject {
+    let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
+    // A log too short for a single window still has a mean.
+    let described: Vec<usize> = if used.is_empty() { (0..windows.len()).collect() } else { used.clone() };
+    let total_s: f64 = described.iter().map(|i| windows.duration_s(*i)).sum();
+    let axes = windows.shape.axes.iter().enumerate().map(|(index, axis)| {
+        let angle: f64 = described.iter().map(|i| windows.rows.angle[index][*i]).sum();
+        let per_s = angle / total_s;
+        let finite = |value: f64| value.is_finite().then_some(value);
+        let counts = match windows.shape.unit {
+            AngleUnit::Quanta { quantum, .. } => finite(per_s * quantum),
+            AngleUnit::Arcsec => None,
+        };
+        let mean_dph = finite(per_s * windows.shape.unit.arcsec()).filter(|_| scale_known);
+        LogAxis { axis: *axis, mean_dph, mean_counts_per_s: counts }
+    });
+    LogObject {
+        kind,
+        survey,
+        asks_for: (!scale_known).then_some(SCALE_KEY),
+        axes: axes.collect(),
+        quantity: if matches!(windows.shape.unit, AngleUnit::Arcsec) { "rates" } else { "counts" },
+        rows: windows.runs.iter().flat_map(|run| &run.files).map(|file| file.summary.rows).sum(),
+        sample_interval_s: windows.shape.sample_interval_s,
+        length_s: windows.runs.iter().map(|run| s_from_ns(run.end_ns - run.start_ns)).sum(),
+        windows: windows.len(),
+        windows_used: used.len(),
+        excluded: windows.tallies.list(),
+        ignored_columns: ignored,
+    }
+}

@@ -1,0 +1,68 @@
+//! `sagnac inspect`: what a file is, and what a log is good for.
+
+mod image;
+mod log;
+mod results;
+
+use std::path::PathBuf;
+
+use sagnac::Error;
+use sagnac::calibration::Calibration;
+
+use crate::args::report::ReportArgs;
+use crate::args::setup::LogArgs;
+use crate::files::Files;
+use crate::files::loading::{self, Kind};
+use crate::output::console::{Console, Outcome, Ran};
+use crate::verbs::calibrate::summary;
+
+/// Say what a file is, and of a log what it is good for
+///
+/// A log or window table gets a verdict: good for calibration, for noise only, or for nothing. No model is searched for.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  sagnac inspect cycle-1.csv --arcsec-per-count 1.059 --report cycle-1.html")]
+pub(crate) struct Args {
+    /// Any file; several logs, a folder or a pattern of them are surveyed together
+    #[arg(required = true, value_name = "FILE")]
+    pub(crate) files: Vec<PathBuf>,
+    #[command(flatten)]
+    report: ReportArgs,
+    /// One JSON object on standard output, text on standard error
+    #[arg(long)]
+    pub(crate) json: bool,
+    #[command(flatten)]
+    reading: LogArgs,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    args.report.check_with(Files::new().reads(&args.files).reads(&args.reading.setup.setup))?;
+    let [file] = args.files.as_slice() else {
+        log::several(&args.files, &args.reading, &args.report, console)?;
+        return Ok(Outcome::Done);
+    };
+    let kind = loading::kind_of(file)?;
+    if args.report.is_asked() && !matches!(kind, Kind::Log | Kind::WindowTable) {
+        return Err(Error::input("a report is made of a log or window table").file(file.display().to_string()));
+    }
+    match kind {
+        Kind::Image => image::image(file, console)?,
+        Kind::Calibration => match results::json(file, console)? {
+            true => {}
+            false => {
+                let calibration: Calibration = loading::calibration(file)?;
+                console.say(format!("a calibration of {} by {}", calibration.serial, calibration.provenance.program));
+                summary(console, &calibration);
+                console.object(&calibration)?;
+            }
+        },
+        Kind::WindowTable => log::window_table(file, &args.reading, &args.report, console)?,
+        Kind::Log => {
+            if !results::recognised(file, console)? {
+                log::log(file, &args.reading, &args.report, console)?;
+            }
+        }
+    }
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,195 @@
+//! `sagnac key`: keys for signed images, signing, and the check of a signature.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+
+use clap::Subcommand;
+use sagnac::{Error, Result};
+use sagnac_core::{CHALLENGE_LEN, Image, SignatureBlock, SignatureError, Trusted};
+use sagnac_log::ingest::hex;
+use sagnac_log::write::write_bytes;
+use sagnac_signature::{Keyed, Signer};
+
+use crate::args::signature::{BlockArgs, block, model_bytes, model_name, private_key, public_key};
+use crate::files::Files;
+use crate::files::loading;
+use crate::output::console::{Console, Outcome, Ran};
+
+/// Make a key, sign an image, or check a signature as a gyro would (Ed25519)
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sagnac key new -o factory.key                      (and factory.pub, for the gyros)
+  sagnac key sign unit.img --key factory.key --model RLG-28 --counter 12 -o unit.signed.img
+  sagnac key verify unit.signed.img --key factory.pub --model RLG-28
+
+Keys are PEM files as openssl has them. Exit status 1: the signature is not good.")]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    action: Action,
+}
+
+#[derive(Subcommand)]
+enum Action {
+    /// Make a private key, readable by its owner alone, and its public key beside it
+    New {
+        /// Private key to write; the public one gets the ending .pub
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+    },
+    /// Sign a flash image
+    Sign {
+        /// Flash image
+        #[arg(value_name = "IMAGE")]
+        image: PathBuf,
+        /// Private key
+        #[arg(long, value_name = "FILE")]
+        key: PathBuf,
+        #[command(flatten)]
+        block: BlockArgs,
+        /// Signed image to write
+        #[arg(short, long, value_name = "FILE")]
+        output: PathBuf,
+    },
+    /// Check the signature of an image
+    Verify {
+        /// Signed flash image
+        #[arg(value_name = "IMAGE")]
+        image: PathBuf,
+        /// Public key
+        #[arg(long, value_name = "FILE")]
+        key: PathBuf,
+        /// Type of the gyro that it must be signed for
+        #[arg(long, value_name = "NAME")]
+        model: Option<String>,
+        /// Lowest counter that is trusted
+        #[arg(long, value_name = "N", default_value_t = 0)]
+        counter: u32,
+    },
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    match &args.action {
+        Action::New { output } => new(output, console),
+        Action::Sign { image, key, block, output } => sign(image, key, block, output, console),
+        Action::Verify { image, key, model, counter } => check(image, key, model.as_deref(), *counter, console),
+    }
+}
+
+fn new(output: &Path, console: &mut Console) -> Ran {
+    let public_path = output.with_extension("pub");
+    if public_path == output {
+        return Err(Error::input("the public key gets this ending; give the private one another")
+            .file(output.display().to_string()));
+    }
+    let failed = |e: sagnac_signature::KeyError| Error::io("key", "make", &std::io::Error::other(e));
+    let key = Signer::generate().map_err(failed)?;
+    let (private, public) = (key.to_pem().map_err(failed)?, key.public().to_pem().map_err(failed)?);
+    // The public one first: if it cannot be written there is no private key without it.
+    new_file(&public_path, public.as_bytes(), 0o644)?;
+    if let Err(error) = new_file(output, private.as_bytes(), 0o600) {
+        let _ = std::fs::remove_file(&public_path);
+        return Err(error);
+    }
+    console.say(format!("wrote {} (keep it) and {}", output.display(), public_path.display()));
+    console.say(format!("key {}", hex(&key.public().id())));
+    Ok(Outcome::Done)
+}
+
+/// A file that did not exist: a key that is written over is lost, with every gyro that trusts it.
+fn new_file(path: &Path, bytes: &[u8], mode: u32) -> Result<()> {
+    let mut options = std::fs::OpenOptions::new();
+    options.write(true).create_new(true);
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::mode(&mut options, mode);
+    #[cfg(not(unix))]
+    let _ = mode;
+    let mut file = options.open(path).map_err(|e| match e.kind() {
+        std::io::ErrorKind::AlreadyExists => {
+            Error::input("exists already; a key is never written over").file(path.display().to_string())
+        }
+        _ => Error::io_path(path, "create", &e),
+    })?;
+    file.write_all(bytes).and_then(|()| file.sync_all()).map_err(|e| Error::io_path(path, "write", &e))
+}
+
+fn sign(image: &Path, key: &Path, args: &BlockArgs, output: &Path, console: &mut Console) -> Ran {
+    Files::new().reads([image, key]).writes([output]).check()?;
+    let (decoded, bytes, before) = loading::signed_image(image)?;
+    if before.is_some() {
+        return Err(
+            Error::input("is signed already; sign the image that export wrote").file(image.display().to_string())
+        );
+    }
+    let block = block(key, args, &bytes)?;
+    write_bytes(output, &[bytes.as_slice(), &block.encode()].concat())?;
+    console.say(format!("wrote {}: {}, {}", output.display(), about(&decoded), words(&block)));
+    Ok(Outcome::Done)
+}
+
+fn check(path: &Path, key: &Path, model: Option<&str>, lowest: u32, console: &mut Console) -> Ran {
+    let whole = loading::image_bytes_of(path)?;
+    let (_, block) =
+        SignatureBlock::split(&whole).map_err(|e| Error::input(e.to_string()).file(path.display().to_string()))?;
+    // Without --model the signed one is reported, not judged.
+    let model = match (model, &block) {
+        (Some(name), _) => model_bytes(name)?,
+        (None, Some(block)) => block.model,
+        (None, None) => [0; 16],
+    };
+    let key = public_key(key)?;
+    // A board with this key, apart from its own identity.
+    let board = Keyed { public_key: key.bytes(), model, lowest_counter: lowest, challenge: || [0; CHALLENGE_LEN] };
+    match (Trusted::check(&whole, &board), block) {
+        (Ok(trusted), Some(block)) => {
+            console.say(format!("{}: good: {}, {}", path.display(), about(&trusted.image), words(&block)));
+            Ok(Outcome::Done)
+        }
+        (Err(SignatureError::Image(error)), _) => {
+            Err(Error::input(format!("not a usable image: {error}")).file(path.display().to_string()))
+        }
+        (Err(error), block) => {
+            console.say(format!("{}: NOT GOOD: {error}", path.display()));
+            if let Some(block) = block {
+                console.say(format!("it says: {}; the key here is {}", words(&block), hex(&key.id())));
+            }
+            Ok(Outcome::LimitsNotMet)
+        }
+        // A board with a key has no Ok without a block.
+        (Ok(_), None) => Ok(Outcome::LimitsNotMet),
+    }
+}
+
+fn about(image: &Image) -> String {
+    let d = image.description();
+    format!("axis {} of {}, image {}", char::from(d.axis), image.serial().unwrap_or("?"), d.sequence)
+}
+
+/// A signature block in words.
+pub(crate) fn words(block: &SignatureBlock) -> String {
+    format!("signed for {}, counter {}, by key {}", model_name(&block.model), block.counter, hex(&block.key_id))
+}
+
+/// The answer to a challenge, as `sagnac frames` printed it.
+pub(crate) fn answer(key: &Path, serial: &str, axis: char, challenge: &str) -> Result<[u8; 64]> {
+    let bad = |what: &str, name: &'static str, value: &str| Error::input(what.to_owned()).column(name).value(value);
+    let mut padded = [0; 32];
+    match padded.get_mut(..serial.len()) {
+        Some(room) => room.copy_from_slice(serial.as_bytes()),
+        None => return Err(bad("must have at most 32 bytes", "--serial", serial)),
+    }
+    let axis = u8::try_from(axis).map_err(|_| bad("must be an ASCII letter", "--axis", &axis.to_string()))?;
+    let challenge = unhex(challenge).ok_or_else(|| bad("must be 32 hexadecimal digits", "--challenge", challenge))?;
+    Ok(private_key(key)?.answer(&padded, axis, &challenge))
+}
+
+fn unhex(text: &str) -> Option<[u8; 16]> {
+    let mut bytes = [0; 16];
+    if text.len() != 32 || !text.bytes().all(|digit| digit.is_ascii_hexdigit()) {
+        return None;
+    }
+    for (byte, pair) in bytes.iter_mut().zip(text.as_bytes().chunks_exact(2)) {
+        *byte = u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()?;
+    }
+    Some(bytes)
+}

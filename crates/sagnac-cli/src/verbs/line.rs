@@ -1,0 +1,82 @@
+//! `sagnac line`: one message to a gyro's serial line.
+
+use std::path::PathBuf;
+
+use clap::Subcommand;
+use sagnac::{Error, Result};
+use sagnac_board::Message;
+use sagnac_log::write::write_bytes;
+
+use crate::files::Files;
+use crate::output::console::{Console, Outcome, Ran};
+use crate::verbs::key::answer;
+
+/// Write one message to a gyro's serial line: confirm, roll back, or open its service mode
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples (the replies appear in sagnac frames):
+  sagnac line confirm -o /dev/ttyUSB0
+  sagnac line service -o /dev/ttyUSB0
+  sagnac line answer --challenge 0f1e… --key factory.key --serial RLG-7 --axis z -o /dev/ttyUSB0")]
+pub(crate) struct Args {
+    #[command(subcommand)]
+    message: What,
+    /// The line, or a file
+    #[arg(short, long, value_name = "PATH", global = true, default_value = "-")]
+    output: PathBuf,
+}
+
+#[derive(Subcommand)]
+enum What {
+    /// The image on trial has proved itself: keep it
+    Confirm,
+    /// Go back to the image before
+    RollBack,
+    /// Ask a gyro with a key for a challenge
+    Service,
+    /// Answer its challenge: the service mode is open for one change
+    Answer {
+        /// The challenge, as sagnac frames prints it
+        #[arg(long, value_name = "HEX")]
+        challenge: String,
+        /// Private key
+        #[arg(long, value_name = "FILE")]
+        key: PathBuf,
+        /// Serial number of the gyro
+        #[arg(long)]
+        serial: String,
+        /// Its axis letter
+        #[arg(long)]
+        axis: char,
+    },
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    let message = match &args.message {
+        What::Confirm => Message::Confirm,
+        What::RollBack => Message::RollBack,
+        What::Service => Message::Service,
+        What::Answer { challenge, key, serial, axis } => {
+            Files::new().reads([key]).writes([&args.output]).check()?;
+            Message::Answer(answer(key, serial, *axis, challenge)?)
+        }
+    };
+    let bytes = frame_bytes(&message)?;
+    if args.output.as_os_str() == "-" {
+        use std::io::Write as _;
+        let mut out = std::io::stdout();
+        // Nothing may stay in a buffer whose error nobody sees.
+        out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| Error::io("standard output", "write", &e))?;
+    } else {
+        write_bytes(&args.output, &bytes)?;
+        console.say(format!("wrote {}: {} bytes", args.output.display(), bytes.len()));
+    }
+    Ok(Outcome::Done)
+}
+
+/// A message as bytes of the line.
+pub(crate) fn frame_bytes(message: &Message) -> Result<Vec<u8>> {
+    let frame = message.frame().ok_or_else(|| Error::input("the message does not fit a frame"))?;
+    let (bytes, len) = frame.bytes();
+    Ok(bytes.get(..len).unwrap_or(&[]).to_vec())
+}

@@ -1,0 +1,131 @@
+//! `sagnac plan`: the shortest thermal test of the next unit of a fleet.
+
+use std::path::PathBuf;
+
+use sagnac::fleet::PriorFile;
+use sagnac::plan::{Chamber, Plan, PlanRequest, plan};
+use sagnac::verify::Limits;
+use sagnac_log::setup::{Setup, WindowSize};
+use sagnac_log::write::write_bytes;
+use sagnac_units::format::{celsius, significant, unit};
+
+use crate::args::setup::numbers;
+use crate::files::Files;
+use crate::output::console::{Console, Outcome, Ran};
+use crate::output::terminal::table;
+
+/// Plan the shortest thermal test with which the next unit of a fleet is expected to meet its limits
+///
+/// Temperatures, ramps and soaks for a chamber. The unit is then calibrated with the same prior.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  sagnac plan --prior fleet.prior.json --limits navigation-grade
+  sagnac plan --prior fleet.prior.json --lot A --limits limits.toml --start 22 --ramps 0.5,1 --block-lag 20 -o test.csv")]
+pub(crate) struct Args {
+    /// What is known of the unit: a file of `sagnac fleet prior`
+    #[arg(long, value_name = "FILE")]
+    prior: PathBuf,
+    /// The unit's lot, one of the prior's
+    #[arg(long, value_name = "NAME")]
+    lot: Option<String>,
+    /// Limits that the unit is to meet: a TOML file, or `navigation-grade` or `paper`
+    #[arg(long, value_name = "FILE|SET")]
+    limits: String,
+    /// Setup file: its noise takes the place of the fleet's; also its window and its reference temperature
+    #[arg(long, value_name = "FILE")]
+    setup: Option<PathBuf>,
+    /// Temperature at the start of the test, °C
+    #[arg(long, default_value_t = 25.0, value_name = "CELSIUS", allow_negative_numbers = true)]
+    start: f64,
+    /// Rates at which the chamber ramps, °C/min
+    #[arg(long, default_value = "1", value_name = "RATES")]
+    ramps: String,
+    /// Lag of the gyro's block behind the chamber, min
+    #[arg(long, default_value_t = 0.0, value_name = "MINUTES")]
+    block_lag: f64,
+    /// Probability with which the unit is to meet the limits
+    #[arg(long, default_value_t = 0.95)]
+    probability: f64,
+    /// Part of each limit that the error of the correction may take; the rest is for the retest's noise
+    #[arg(long, default_value_t = 0.5)]
+    share: f64,
+    /// Longest test, h
+    #[arg(long, default_value_t = 24.0, value_name = "HOURS")]
+    hours_max: f64,
+    /// Steps for the chamber, as CSV
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+    /// One JSON object on standard output, text on standard error
+    #[arg(long)]
+    pub(crate) json: bool,
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    Files::new().reads(&args.setup).reads([&args.prior]).reads([&args.limits]).writes(&args.output).check()?;
+    let file = PriorFile::read(&args.prior)?;
+    let setup = args.setup.as_deref().map(Setup::read).transpose()?.unwrap_or_default();
+    let prior = file.of_unit(args.lot.as_deref()).map_err(|e| e.file(args.prior.display().to_string()))?;
+    let mut chamber = Chamber::new(args.start, numbers("--ramps", &args.ramps)?);
+    chamber.block_lag_min = args.block_lag;
+    let noise = setup.noise.unwrap_or_else(|| file.noise());
+    let mut request = PlanRequest::new(prior, noise, Limits::named_or_read(&args.limits)?, chamber);
+    (request.probability, request.share, request.hours_max) = (args.probability, args.share, args.hours_max);
+    request.reference_c = setup.reference_c;
+    if let Some(seconds) = setup.window.and_then(WindowSize::seconds) {
+        request.window_s = seconds;
+    }
+    let made = plan(&request)?;
+    console.say(described(&made, &request));
+    if let Some(path) = &args.output {
+        write_bytes(path, csv(&made).as_bytes())?;
+        console.say(format!("wrote {}", path.display()));
+    }
+    console.object(&made)?;
+    Ok(Outcome::Done)
+}
+
+fn described(made: &Plan, request: &PlanRequest) -> String {
+    let mut out = format!(
+        "{} h of chamber from {}: the error of the correction takes at most {} of each limit with a probability of {}\n",
+        significant(made.hours, 3),
+        celsius(request.chamber.start_c) + " °C",
+        significant(request.share, 2),
+        significant(made.probability, 3)
+    );
+    let steps = made
+        .steps
+        .iter()
+        .map(|step| vec![celsius(step.to_c), significant(step.rate_cpm, 3), significant(step.soak_min, 3)]);
+    out += &table(&["to, °C", "at, °C/min", "then soak, min"], steps);
+    out += "\n";
+    let limits = made.expected.iter().map(|of| {
+        vec![
+            of.limit.clone(),
+            significant(of.value_95, 2),
+            significant(of.bound, 3),
+            format!("{:.0} %", 100.0 * of.value_95 / of.bound),
+            unit(&of.unit),
+        ]
+    });
+    out += &table(&["limit", "error, 95 %", "bound", "taken", "unit"], limits);
+    out += &format!(
+        "\n  σ of the correction over temperatures and ramps: {} °/h; {} tests were compared",
+        significant(made.sigma_dph, 2),
+        made.candidates
+    );
+    out += &match made.hours_without_prior {
+        Some(hours) => format!("\n  without the prior, its model known: {} h", significant(hours, 3)),
+        None => format!("\n  without the prior no test of up to {} h does it", request.hours_max),
+    };
+    if !made.not_planned.is_empty() {
+        out += &format!("\n  not a matter of the calibration: {}", made.not_planned.join(", "));
+    }
+    out
+}
+
+/// The steps for a chamber's program.
+fn csv(made: &Plan) -> String {
+    let steps = made.steps.iter().map(|step| format!("{},{},{}\n", step.to_c, step.rate_cpm, step.soak_min));
+    "to_c,rate_cpm,soak_min\n".to_owned() + &steps.collect::<String>()
+}

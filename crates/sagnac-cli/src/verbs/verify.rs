@@ -1,0 +1,308 @@
+//! `sagnac verify`: a retest log through the decoded image, compared before and after.
+
+use std::path::PathBuf;
+
+use chrono::NaiveDate;
+use sagnac::verify::{
+    AxisVerification, BiasRepeatability, Estimate, Figures, Judged, Limits, PositionError, Proof, REPEATED_PROFILE,
+    ScaleFigures, ScaleProof, Verdict, Verification, VerifyOptions, verify,
+};
+use sagnac::{Error, Result};
+use sagnac_report::{Sheet, verification_report};
+use sagnac_units::format::{significant, unit, with_sigma};
+
+use crate::args::report::ReportArgs;
+use crate::args::setup::SetupArgs;
+use crate::files::Files;
+use crate::files::loading;
+use crate::output::console::{Console, Outcome, Ran};
+use crate::output::terminal::table;
+use crate::verbs::calibrate::excluded;
+
+/// Prove on another test what a correction gains
+///
+/// The retest is replayed at the true tick through the firmware's own code, from the bytes that ship.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Example:
+  sagnac verify unit.cal.json cycle-3.csv --limits limits.toml --report retest.html")]
+pub(crate) struct Args {
+    /// Calibration or image
+    correction: PathBuf,
+    /// Logs that the fit did not see; a folder or a pattern stands for its logs
+    #[arg(required = true)]
+    pub(crate) retests: Vec<PathBuf>,
+    /// Limits to be met: a TOML file, or `navigation-grade` or `paper`
+    #[arg(long, value_name = "FILE|SET")]
+    limits: Option<String>,
+    #[command(flatten)]
+    report: ReportArgs,
+    #[command(flatten)]
+    sheet: SheetArgs,
+    /// One JSON object on standard output, text on standard error
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// Leave out what looks like bumps, steps or start-up (`outliers`), or the discarded start of each run (`start`): for a bench
+    /// that was bumped. How much is left out is a limit of its own
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
+    exclude: Vec<Exclude>,
+    #[command(flatten)]
+    setup: SetupArgs,
+}
+
+/// What a retest may be judged without.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Exclude {
+    Outliers,
+    Start,
+}
+
+/// The head of an acceptance report.
+#[derive(clap::Args, Clone, Default)]
+#[command(next_help_heading = "Head of an acceptance report, a line for the pen by default")]
+struct SheetArgs {
+    /// Number of the document
+    #[arg(long, value_name = "NUMBER", hide_short_help = true)]
+    document: Option<String>,
+    /// Who ran the test
+    #[arg(long, value_name = "NAME", hide_short_help = true)]
+    operator: Option<String>,
+    /// Day of the test, such as 2024-02-29
+    #[arg(long, value_name = "DATE", hide_short_help = true)]
+    test_date: Option<NaiveDate>,
+    /// Day of the report; the clock is never asked
+    #[arg(long, value_name = "DATE", hide_short_help = true)]
+    report_date: Option<NaiveDate>,
+}
+
+/// Longest entry of the head.
+const MOST_ENTRY_CHARS: usize = 80;
+
+impl SheetArgs {
+    fn sheet(&self) -> Result<Sheet> {
+        let text = |flag: &str, text: &Option<String>| match text {
+            Some(text) if text.chars().count() > MOST_ENTRY_CHARS || text.chars().any(char::is_control) => {
+                Err(Error::input(format!("at most {MOST_ENTRY_CHARS} characters, none of control")).column(flag))
+            }
+            text => Ok(text.clone()),
+        };
+        if let (Some(test), Some(report)) = (self.test_date, self.report_date)
+            && test > report
+        {
+            return Err(Error::input("a report is not made before its test").column("--report-date"));
+        }
+        Ok(Sheet {
+            document: text("--document", &self.document)?,
+            operator: text("--operator", &self.operator)?,
+            test_date: self.test_date.map(|date| date.to_string()),
+            report_date: self.report_date.map(|date| date.to_string()),
+        })
+    }
+}
+
+pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
+    let sheet = args.sheet.sheet()?;
+    let files =
+        Files::new().reads(&args.retests).reads([&args.correction]).reads(&args.setup.setup).reads(&args.limits);
+    args.report.check_with(files)?;
+    let correction = loading::correction(&args.correction)?;
+    let setup = args.setup.over(correction.setup())?;
+    let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
+    let logs = loading::logs(&args.retests, &setup, "replaying")?;
+    let options = VerifyOptions::default()
+        .exclude_outliers(args.exclude.contains(&Exclude::Outliers))
+        .exclude_start(args.exclude.contains(&Exclude::Start));
+    let proof = verify(&correction, logs, &setup, options)?;
+    let Proof { verification, report_data, .. } = match &limits {
+        Some(limits) => proof.limits(limits)?,
+        None => proof,
+    };
+    warn_of_same_log(console, &verification);
+    describe(console, &verification);
+    args.report
+        .write(console, || verification_report(&verification, correction.calibration.as_ref(), &report_data, &sheet))?;
+    console.object(&verification)?;
+    Ok(if verification.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
+}
+
+/// Warns if the retest is a log of the fit: that proves nothing.
+fn warn_of_same_log(console: &mut Console, verification: &Verification) {
+    for file in &verification.training_overlap {
+        console.note(format!("warning: {file} is a log that the calibration was made from; this is no proof"));
+    }
+    if verification.training_unknown {
+        console.note(
+            "warning: an image does not name its training logs; nothing shows that this test is another one: verify its record for a proof",
+        );
+    }
+    if !verification.untested_axes.is_empty() {
+        let axes: Vec<String> = verification.untested_axes.iter().map(char::to_string).collect();
+        console.note(format!(
+            "warning: the retest has no axis {}, which the calibration has: the unit is not accepted",
+            axes.join(", ")
+        ));
+    }
+}
+
+fn describe(console: &mut Console, verification: &Verification) {
+    for axis in &verification.axes {
+        console.say(format!("axis {}: {}", axis.axis, verdict(axis, verification)));
+        console.say(figures(axis, verification));
+        if axis.about_common_mean {
+            console.say("  each run covers little of the temperatures: figures are about the mean of all runs");
+        }
+        if axis.repeats_profile {
+            console.say(format!("  {REPEATED_PROFILE}"));
+        }
+        if let Some(coverage) = &axis.coverage {
+            console.say(format!("  temperatures {}", coverage.words()));
+        }
+        for (name, windows) in &axis.status_windows {
+            console.say(format!("  status {name}: {windows} of {} windows", axis.after.n));
+        }
+        if let Some(scale) = &axis.scale_factor {
+            console.say(scale_factor(scale));
+        }
+        if let Some(found) = &axis.bias_repeatability {
+            console.say(bias_repeatability(found));
+        }
+        for suspect in &axis.suspects {
+            let judged = if axis.excluded_fraction.is_some() { "" } else { "; judged with the rest" };
+            console.say(format!("  suspected {}{judged}", suspect.words()));
+        }
+        let rows = axis.residual_diagnostics.rows();
+        if !rows.is_empty() {
+            console.say(table(&["residual", "value", "noise alone"], rows));
+        }
+        if let Some(flight) = &axis.flight {
+            console.say(flown(flight));
+        }
+        if let Some(why) = &axis.flight_unavailable {
+            console.say(format!("  the flight is not available: {why}"));
+        }
+        if !axis.limits.is_empty() {
+            console.say(limits_table(&axis.limits, axis.excluded_fraction.is_some()));
+        }
+    }
+    for line in excluded(&verification.excluded) {
+        console.say(line);
+    }
+}
+
+/// Result of the stated flight; drift and noise separately.
+fn flown(flight: &PositionError) -> String {
+    let metres = |e: Estimate| with_sigma(e.value, Some(e.sigma));
+    let noise = flight.noise_m.map_or("not known".to_owned(), |m| format!("{} m (σ)", significant(m, 3)));
+    format!(
+        "  flight of {:.0} min: position error by drift {} m before, {} m after ({} m at most on the way, {} m with two of its σ); angle random walk beside it: {noise}",
+        flight.minutes,
+        metres(flight.before_m),
+        metres(flight.after_m),
+        significant(flight.most_after_m, 3),
+        significant(flight.bound_after_m, 3)
+    )
+}
+
+/// Every limit with its value; beside it the value over every row, where some were excluded.
+pub(crate) fn limits_table(limits: &[Verdict], excluding: bool) -> String {
+    let rows = limits.iter().map(|l| {
+        let word = if l.word() == "not met" { "NOT MET" } else { l.word() };
+        let word = l.remark().map_or(word.to_owned(), |remark| format!("{word}: {remark}"));
+        let every = l.value_of_every_row.map_or("-".to_owned(), |value| significant(value, 4));
+        let every = if excluding { vec![every] } else { Vec::new() };
+        [vec![l.name.clone(), l.value_text()], every, vec![significant(l.limit, 4), l.margin_text(), word]].concat()
+    });
+    let head = if excluding {
+        vec!["limit", "value", "of every row", "bound", "margin", ""]
+    } else {
+        vec!["limit", "value", "bound", "margin", ""]
+    };
+    table(&head, rows)
+}
+
+/// Fixed bias of the runs against the calibration.
+fn bias_repeatability(found: &BiasRepeatability) -> String {
+    let text = |e: Estimate| with_sigma(e.value, Some(e.sigma));
+    let mut out =
+        format!("  fixed bias of the calibration {} °/h ({})", text(found.calibration_dph), found.input_text());
+    for run in &found.runs {
+        let file = sagnac_units::format::file_name(&run.file);
+        out +=
+            &format!("\n  {file}: {} °/h, {} °/h from the calibration", text(run.bias_dph), text(run.difference_dph));
+    }
+    if let Some(turn_ons) = found.turn_ons {
+        let [sigma, upper] = [turn_ons.sigma_dph, turn_ons.sigma_upper_dph].map(|v| significant(v, 2));
+        out += &format!(
+            "\n  turn-on to turn-on: σ {sigma} °/h over {} runs, below {upper} °/h with 95 % confidence",
+            turn_ons.n
+        );
+    }
+    out
+}
+
+/// The scale factor over the plateaus, before and after.
+fn scale_factor(scale: &ScaleProof) -> String {
+    let row = |name: &str, f: &ScaleFigures| {
+        let cells = [f.mean_ppm, f.peak_to_peak_ppm, f.sigma_ppm].map(|v| significant(v, 3));
+        [vec![name.to_owned()], cells.to_vec()].concat()
+    };
+    let noise =
+        [vec!["noise alone".to_owned(), "-".to_owned(), "-".to_owned()], vec![significant(scale.of_noise_ppm, 3)]];
+    let rows = vec![row("before", &scale.before), row("after", &scale.after), noise.concat()];
+    let title = format!("scale factor, ppm, {} plateaus", scale.plateaus.len());
+    table(&[&title, "mean", "max − min", "σ"], rows)
+}
+
+fn verdict(axis: &AxisVerification, verification: &Verification) -> String {
+    let times = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |r| format!("{} times", significant(r, 3)));
+    let judged = Judged::of(&axis.limits);
+    let judged = match axis.pass {
+        Some(_) if !verification.training_overlap.is_empty() => "NOT ACCEPTED: the fit has seen this log; ".to_owned(),
+        Some(true) if !verification.untested_axes.is_empty() => {
+            format!("NOT ACCEPTED: an axis is not tested; {} on this one; ", judged.words())
+        }
+        Some(true) if verification.training_unknown => {
+            format!("{}{}, training logs unknown; ", judged.words(), unjudged_bias(axis))
+        }
+        Some(true) if judged.not_asked == 0 => "all limits met; ".to_owned(),
+        Some(true) => format!("{}{}; ", judged.words(), unjudged_bias(axis)),
+        Some(false) if judged.not_met == 0 => format!("LIMITS NOT DECIDED: {}; ", judged.words()),
+        Some(false) => "LIMITS NOT MET; ".to_owned(),
+        None => String::new(),
+    };
+    let floor = axis.noise_floor.as_ref().map_or("noise floor unknown".to_owned(), |floor| {
+        format!("σ after is {} of the noise floor", significant(axis.after.sigma_dph / floor.value_dph, 3))
+    });
+    format!("{judged}max − min improved {}, σ {}; {floor}", times(axis.improvement), times(axis.improvement_sigma))
+}
+
+/// Says in the first line that the bias was not judged.
+fn unjudged_bias(axis: &AxisVerification) -> &'static str {
+    let asked = axis.limits.iter().any(|limit| limit.name == "bias_repeatability_dph_max" && limit.pass.is_none());
+    if asked { " (the bias against the calibration is NOT judged)" } else { "" }
+}
+
+fn figures(axis: &AxisVerification, verification: &Verification) -> String {
+    let row = |name: &str, f: &Figures| {
+        let cells = [f.min, f.max, f.mean, f.peak_to_peak, f.sigma].map(|v| format!("{v:.2}"));
+        let precise = [f.min, f.max, f.mean, f.peak_to_peak, f.sigma].map(|v| significant(v, 5));
+        let cells = if verification.unit == "deg/h" { precise } else { cells };
+        [vec![name.to_owned(), f.n.to_string()], cells.to_vec(), vec![significant(f.sigma_dph, 3)]].concat()
+    };
+    let mut rows = vec![row("before", &axis.before), row("after", &axis.after)];
+    if let Some(floor) = &axis.noise_floor {
+        let blank = String::new;
+        rows.push(vec![
+            format!("noise floor ({})", floor.source),
+            floor.n.to_string(),
+            blank(),
+            blank(),
+            blank(),
+            significant(floor.expected_peak_to_peak, 3),
+            significant(floor.value, 3),
+            significant(floor.value_dph, 3),
+        ]);
+    }
+    let title = format!("{} ({} s)", unit(&verification.unit), verification.window_s);
+    table(&[&title, "n", "min", "max", "mean", "max − min", "σ", "σ, °/h"], rows)
+}
