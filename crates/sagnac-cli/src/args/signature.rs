@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use sagnac::{Error, Result};
 use sagnac_core::SignatureBlock;
+use sagnac_log::ingest::hex;
 use sagnac_log::read::read_text;
 use sagnac_signature::{PublicKey, Signer};
 
@@ -62,6 +63,12 @@ pub(crate) fn model_name(model: &[u8; 16]) -> String {
     String::from_utf8_lossy(model.get(..used).unwrap_or(&[])).escape_debug().to_string()
 }
 
+/// A signature block in words.
+pub(crate) fn words(block: &SignatureBlock) -> String {
+    format!("signed for {}, counter {}, by key {}", model_name(&block.model), block.counter, hex(&block.key_id))
+}
+
+/// The private key of a file.
 pub(crate) fn private_key(path: &Path) -> Result<Signer> {
     Signer::from_pem(&pem(path)?).map_err(|e| Error::input(e.to_string()).file(path.display().to_string()))
 }

@@ -5,14 +5,15 @@ use std::path::{Path, PathBuf};
 
 use sagnac::calibration::Calibration;
 use sagnac::verify::Correction;
-use sagnac::window::{WindowBuilder, Windows, is_table, read_table};
+use sagnac::window::is_table;
 use sagnac::{Error, Result};
 use sagnac_core::{Image, MAGIC, MAX_SIGNED_LEN, SignatureBlock};
 use sagnac_log::ingest::{Logs, ReadMode};
+use sagnac_log::read::read_text;
 use sagnac_log::setup::Setup;
+use sagnac_sim::{Scenario, ScenarioError};
 use sagnac_units::format::controls;
 
-use crate::args::setup::LogArgs;
 use crate::output::progress::open_log;
 
 /// Enough for a magic number or a line of headers.
@@ -85,48 +86,6 @@ pub(crate) fn logs<'a>(paths: &'a [PathBuf], setup: &'a Setup, doing: &'static s
     Ok(Logs::opened_by(paths.iter().map(move |path| open_log(path, setup, ReadMode::Bulk, doing))))
 }
 
-/// Windows of logs, or of one window table, with their setup and the flags that override it.
-pub(crate) fn windows(paths: &[PathBuf], args: &LogArgs) -> Result<(Windows, Setup)> {
-    for path in paths {
-        match kind_of(path)? {
-            Kind::WindowTable if paths.len() == 1 => return table(path, args),
-            Kind::WindowTable => {
-                return Err(Error::input(
-                    "a window table cannot be combined with other files; give logs, or one table",
-                )
-                .file(path.display().to_string()));
-            }
-            Kind::Image | Kind::Calibration => {
-                return Err(
-                    Error::input("an image or calibration where a log is needed").file(path.display().to_string())
-                );
-            }
-            Kind::Log => {}
-        }
-    }
-    let setup = args.setup.over(Setup::default())?;
-    let builder = WindowBuilder::read_all(logs(paths, &setup, "reading")?, &setup)?;
-    Ok((args.outliers(builder).finish(), setup))
-}
-
-/// Windows of logs of a known setup.
-#[cfg(feature = "full")]
-pub(crate) fn windows_of(paths: &[PathBuf], setup: &Setup) -> Result<Windows> {
-    Ok(WindowBuilder::read_all(logs(paths, setup, "reading")?, setup)?.finish())
-}
-
-/// A window table. The settings of its windows cannot be changed any more.
-fn table(path: &Path, args: &LogArgs) -> Result<(Windows, Setup)> {
-    let (windows, made_with) = read_table(path, args.setup.memory())?;
-    let setup = args.setup.over(made_with.clone())?;
-    if !setup.makes_the_windows_of(&made_with) || args.keep_outliers {
-        return Err(Error::input("a flag or the setup would change how the windows of this table were made")
-            .file(path.display().to_string())
-            .help("make the table anew with `sagnac window`, or leave that to what it was made with"));
-    }
-    Ok((windows, setup))
-}
-
 /// An image.
 pub(crate) fn image(path: &Path) -> Result<Image> {
     signed_image(path).map(|(image, ..)| image)
@@ -171,4 +130,20 @@ pub(crate) fn correction(path: &Path) -> Result<Correction> {
             .file(path.display().to_string())
             .help("the correction comes first, then the logs: sagnac verify unit.cal.json retest.csv")),
     }
+}
+
+/// A scenario's refusal, with its file and key.
+pub(crate) fn scenario_refused(path: &Path, problem: &ScenarioError) -> Error {
+    let error = Error::input(problem.message.clone()).file(path.display().to_string());
+    let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };
+    let error = problem.line.map_or(error.clone(), |line| error.line(line));
+    error.help("docs/reference/scenario.md lists every key with its unit and range")
+}
+
+/// Reads and checks a scenario.
+pub(crate) fn scenario(path: &Path) -> Result<Scenario> {
+    let text = read_text(path, "read the scenario", 1 << 20)?;
+    let scenario = Scenario::from_toml(&text).map_err(|problem| scenario_refused(path, &problem))?;
+    scenario.build().map_err(|problem| scenario_refused(path, &problem))?;
+    Ok(scenario)
 }

@@ -13,11 +13,10 @@ use sagnac_units::format::significant;
 
 use crate::args::report::ReportArgs;
 use crate::args::setup::{SetupArgs, numbers};
-use crate::files::Files;
-use crate::files::loading;
+use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
+use crate::output::tables::excluded;
 use crate::output::terminal::table;
-use crate::verbs::calibrate::excluded;
 
 /// τ in the table on the terminal.
 const SHOWN_TAUS: usize = 12;

@@ -10,11 +10,10 @@ use sagnac_report::comparison_report;
 use sagnac_units::format;
 
 use crate::args::report::ReportArgs;
-use crate::files::Files;
-use crate::files::loading;
+use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
+use crate::output::tables::limits_table;
 use crate::output::terminal::table;
-use crate::verbs::verify::limits_table;
 
 /// Hold calibrations of one unit against each other: cycles, turn-ons, months
 #[derive(clap::Args)]

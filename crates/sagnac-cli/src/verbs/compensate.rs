@@ -11,12 +11,11 @@ use sagnac_log::write::write_atomically;
 use sagnac_units::format::significant;
 
 use crate::args::setup::SetupArgs;
-use crate::files::Files;
-use crate::files::loading;
 use crate::files::pipe::PipeAware;
+use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::open_log;
-use crate::verbs::calibrate::excluded;
+use crate::output::tables::excluded;
 
 /// Correct a log as the gyro's processor would, row by row
 ///

@@ -10,8 +10,7 @@ use sagnac_log::write::{ParquetRows, write_atomically};
 use sagnac_units::format::{counted, plain, significant};
 use serde::Serialize;
 
-use crate::files::Files;
-use crate::files::loading;
+use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table;
 

@@ -22,7 +22,6 @@ use crate::files::loading::{self, Kind};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table as drawn;
 use crate::verbs::line::frame_bytes;
-use crate::verbs::simulate::{read_scenario, refused};
 
 /// Write a calibration as what the target holds: a flash image per axis, C99, or Verilog
 #[derive(clap::Args)]
@@ -332,7 +331,8 @@ fn loops_of(path: &Path) -> Result<LoopTable> {
         let refused = |e: sagnac_loops::TableError| Error::input(e.to_string()).file(path.display().to_string());
         return LoopTable::decode(&bytes).map_err(refused);
     }
-    let design = LoopDesign::build(&read_scenario(path)?).map_err(|problem| refused(path, &problem))?;
+    let design =
+        LoopDesign::build(&loading::scenario(path)?).map_err(|problem| loading::scenario_refused(path, &problem))?;
     Ok(LoopTable {
         tick_ns: (sagnac_sim::TICK_S * 1e9).round() as u32,
         path_length: design.path_length.integers,

@@ -12,9 +12,8 @@ use sagnac_board::{Message, Output, POWER_ON};
 use sagnac_log::ingest::hex;
 use sagnac_log::write::write_atomically;
 
-use crate::files::Files;
-use crate::files::loading;
 use crate::files::pipe::PipeAware;
+use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 
 const HEADER: &str =

@@ -10,9 +10,8 @@ use sagnac_log::ingest::hex;
 use sagnac_log::write::write_bytes;
 use sagnac_signature::{Keyed, Signer};
 
-use crate::args::signature::{BlockArgs, block, model_bytes, model_name, private_key, public_key};
-use crate::files::Files;
-use crate::files::loading;
+use crate::args::signature::{BlockArgs, block, model_bytes, public_key, words};
+use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 
 /// Make a key, sign an image, or check a signature as a gyro would (Ed25519)
@@ -163,33 +162,4 @@ fn check(path: &Path, key: &Path, model: Option<&str>, lowest: u32, console: &mu
 fn about(image: &Image) -> String {
     let d = image.description();
     format!("axis {} of {}, image {}", char::from(d.axis), image.serial().unwrap_or("?"), d.sequence)
-}
-
-/// A signature block in words.
-pub(crate) fn words(block: &SignatureBlock) -> String {
-    format!("signed for {}, counter {}, by key {}", model_name(&block.model), block.counter, hex(&block.key_id))
-}
-
-/// The answer to a challenge, as `sagnac frames` printed it.
-pub(crate) fn answer(key: &Path, serial: &str, axis: char, challenge: &str) -> Result<[u8; 64]> {
-    let bad = |what: &str, name: &'static str, value: &str| Error::input(what.to_owned()).column(name).value(value);
-    let mut padded = [0; 32];
-    match padded.get_mut(..serial.len()) {
-        Some(room) => room.copy_from_slice(serial.as_bytes()),
-        None => return Err(bad("must have at most 32 bytes", "--serial", serial)),
-    }
-    let axis = u8::try_from(axis).map_err(|_| bad("must be an ASCII letter", "--axis", &axis.to_string()))?;
-    let challenge = unhex(challenge).ok_or_else(|| bad("must be 32 hexadecimal digits", "--challenge", challenge))?;
-    Ok(private_key(key)?.answer(&padded, axis, &challenge))
-}
-
-fn unhex(text: &str) -> Option<[u8; 16]> {
-    let mut bytes = [0; 16];
-    if text.len() != 32 || !text.bytes().all(|digit| digit.is_ascii_hexdigit()) {
-        return None;
-    }
-    for (byte, pair) in bytes.iter_mut().zip(text.as_bytes().chunks_exact(2)) {
-        *byte = u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()?;
-    }
-    Some(bytes)
 }

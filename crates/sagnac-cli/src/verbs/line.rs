@@ -1,15 +1,15 @@
 //! `sagnac line`: one message to a gyro's serial line.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
 use sagnac::{Error, Result};
 use sagnac_board::Message;
 use sagnac_log::write::write_bytes;
 
+use crate::args::signature::private_key;
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
-use crate::verbs::key::answer;
 
 /// Write one message to a gyro's serial line: confirm, roll back, or open its service mode
 #[derive(clap::Args)]
@@ -79,4 +79,28 @@ pub(crate) fn frame_bytes(message: &Message) -> Result<Vec<u8>> {
     let frame = message.frame().ok_or_else(|| Error::input("the message does not fit a frame"))?;
     let (bytes, len) = frame.bytes();
     Ok(bytes.get(..len).unwrap_or(&[]).to_vec())
+}
+
+/// The answer to a challenge, as `sagnac frames` printed it.
+fn answer(key: &Path, serial: &str, axis: char, challenge: &str) -> Result<[u8; 64]> {
+    let bad = |what: &str, name: &'static str, value: &str| Error::input(what.to_owned()).column(name).value(value);
+    let mut padded = [0; 32];
+    match padded.get_mut(..serial.len()) {
+        Some(room) => room.copy_from_slice(serial.as_bytes()),
+        None => return Err(bad("must have at most 32 bytes", "--serial", serial)),
+    }
+    let axis = u8::try_from(axis).map_err(|_| bad("must be an ASCII letter", "--axis", &axis.to_string()))?;
+    let challenge = unhex(challenge).ok_or_else(|| bad("must be 32 hexadecimal digits", "--challenge", challenge))?;
+    Ok(private_key(key)?.answer(&padded, axis, &challenge))
+}
+
+fn unhex(text: &str) -> Option<[u8; 16]> {
+    let mut bytes = [0; 16];
+    if text.len() != 32 || !text.bytes().all(|digit| digit.is_ascii_hexdigit()) {
+        return None;
+    }
+    for (byte, pair) in bytes.iter_mut().zip(text.as_bytes().chunks_exact(2)) {
+        *byte = u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()?;
+    }
+    Some(bytes)
 }

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use chrono::NaiveDate;
 use sagnac::verify::{
     AxisVerification, BiasRepeatability, Estimate, Figures, Judged, Limits, PositionError, Proof, REPEATED_PROFILE,
-    ScaleFigures, ScaleProof, Verdict, Verification, VerifyOptions, verify,
+    ScaleFigures, ScaleProof, Verification, VerifyOptions, verify,
 };
 use sagnac::{Error, Result};
 use sagnac_report::{Sheet, verification_report};
@@ -13,11 +13,10 @@ use sagnac_units::format::{significant, unit, with_sigma};
 
 use crate::args::report::ReportArgs;
 use crate::args::setup::SetupArgs;
-use crate::files::Files;
-use crate::files::loading;
+use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
+use crate::output::tables::{excluded, limits_table};
 use crate::output::terminal::table;
-use crate::verbs::calibrate::excluded;
 
 /// Prove on another test what a correction gains
 ///
@@ -201,23 +200,6 @@ fn flown(flight: &PositionError) -> String {
         significant(flight.most_after_m, 3),
         significant(flight.bound_after_m, 3)
     )
-}
-
-/// Every limit with its value; beside it the value over every row, where some were excluded.
-pub(crate) fn limits_table(limits: &[Verdict], excluding: bool) -> String {
-    let rows = limits.iter().map(|l| {
-        let word = if l.word() == "not met" { "NOT MET" } else { l.word() };
-        let word = l.remark().map_or(word.to_owned(), |remark| format!("{word}: {remark}"));
-        let every = l.value_of_every_row.map_or("-".to_owned(), |value| significant(value, 4));
-        let every = if excluding { vec![every] } else { Vec::new() };
-        [vec![l.name.clone(), l.value_text()], every, vec![significant(l.limit, 4), l.margin_text(), word]].concat()
-    });
-    let head = if excluding {
-        vec!["limit", "value", "of every row", "bound", "margin", ""]
-    } else {
-        vec!["limit", "value", "bound", "margin", ""]
-    };
-    table(&head, rows)
 }
 
 /// Fixed bias of the runs against the calibration.

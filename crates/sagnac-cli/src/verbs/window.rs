@@ -7,10 +7,9 @@ use sagnac_log::write::write_bytes;
 use sagnac_units::format::counted;
 
 use crate::args::setup::LogArgs;
-use crate::files::Files;
-use crate::files::loading;
+use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
-use crate::verbs::calibrate::excluded;
+use crate::output::tables::excluded;
 
 /// Sum logs into analysis windows and write them as a Parquet table, or CSV to look at
 #[derive(clap::Args)]
@@ -31,7 +30,7 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
     loading::check_output_name(&args.output, "Parquet, or CSV for .csv")?;
     Files::new().reads(&args.logs).reads(&args.reading.setup.setup).writes([&args.output]).check()?;
-    let (windows, setup) = loading::windows(&args.logs, &args.reading)?;
+    let (windows, setup) = args.reading.windows(&args.logs)?;
     let mut bytes = Vec::new();
     if loading::has_extension(&args.output, "csv") {
         write_table_csv(&windows, &setup, &mut bytes)?;

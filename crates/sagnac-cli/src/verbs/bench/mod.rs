@@ -11,6 +11,7 @@ use sagnac::calibration::{Calibration, program};
 use sagnac::fit::{FitOptions, Model, calibrate_with_report_data};
 use sagnac::plan::EnoughRequest;
 use sagnac::verify::Limits;
+use sagnac::window::WindowBuilder;
 use sagnac::{Error, Result};
 use sagnac_bench::live::{Live, LiveRequest};
 use sagnac_bench::page::{Page, PageOf};
@@ -22,14 +23,13 @@ use sagnac_units::format::significant;
 
 use crate::args::report::ReportArgs;
 use crate::args::setup::SetupArgs;
-use crate::files::Files;
-use crate::files::interrupt;
-use crate::files::loading;
+use crate::args::setup::source_date_epoch;
+use crate::files::{Files, interrupt, loading};
+use crate::output::calibration;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::of_fit;
 use crate::verbs::bench::lines::Lines;
 use crate::verbs::bench::screen::Screen;
-use crate::verbs::calibrate::source_date_epoch;
 
 /// Address of the page, if it is free.
 const PAGE: &str = "127.0.0.1:8647";
@@ -324,12 +324,13 @@ fn describe(finished: &Finished, console: &mut Console) {
 /// Calibrates the finished log, as `calibrate` does.
 fn calibrate(args: &Args, setup: &Setup, model: Model, console: &mut Console) -> Ran {
     let setup = Setup { bench: Default::default(), ..setup.clone() };
-    let windows = loading::windows_of(std::slice::from_ref(&args.output), &setup)?;
+    let logs = loading::logs(std::slice::from_ref(&args.output), &setup, "reading")?;
+    let windows = WindowBuilder::read_all(logs, &setup)?.finish();
     let options = FitOptions::new(model).source_date_epoch(source_date_epoch()?).progress(of_fit());
     let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
     drop(options);
     for axis in &calibration.axes {
-        crate::verbs::calibrate::describe(console, axis);
+        calibration::describe(console, axis);
     }
     write_record(args, &calibration, console)?;
     args.report.write(console, || calibration_report(&calibration, &report_data))?;

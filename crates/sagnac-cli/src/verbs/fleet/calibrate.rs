@@ -10,10 +10,10 @@ use sagnac::verify::Limits;
 use sagnac_log::setup::Setup;
 
 use crate::args::setup::SetupArgs;
+use crate::args::setup::source_date_epoch;
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::Units;
-use crate::verbs::calibrate::source_date_epoch;
 
 /// Calibrate every unit of a folder or a manifest
 ///

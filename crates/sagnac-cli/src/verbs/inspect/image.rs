@@ -11,11 +11,10 @@ use sagnac_log::ingest::{hex, sha256};
 use sagnac_units::format::significant;
 use serde::Serialize;
 
-use crate::args::signature::model_name;
+use crate::args::signature::{model_name, words};
 use crate::files::loading;
 use crate::output::console::Console;
 use crate::output::terminal::table;
-use crate::verbs::key::words;
 
 /// Output of `inspect --json` for an image.
 #[derive(Serialize)]

@@ -17,8 +17,8 @@ use crate::args::setup::LogArgs;
 use crate::files::loading;
 use crate::output::console::Console;
 use crate::output::progress::open_log;
+use crate::output::tables::excluded;
 use crate::output::terminal::table;
-use crate::verbs::calibrate::excluded;
 use crate::verbs::inspect::results;
 
 /// Output of `inspect --json` for a log or window table.
@@ -53,14 +53,14 @@ struct LogAxis {
 const SCALE_KEY: &str = "arcsec_per_count";
 
 pub(super) fn window_table(path: &Path, args: &LogArgs, report: &ReportArgs, console: &mut Console) -> Result<()> {
-    let (windows, setup) = loading::windows(std::slice::from_ref(&path.to_owned()), args)?;
+    let (windows, setup) = args.windows(std::slice::from_ref(&path.to_owned()))?;
     console.say("a window table");
     described(&windows, Vec::new(), "window table", &setup, report, console)
 }
 
 /// Logs that are runs of one test.
 pub(super) fn several(paths: &[PathBuf], args: &LogArgs, report: &ReportArgs, console: &mut Console) -> Result<()> {
-    let (windows, setup) = match loading::windows(paths, args) {
+    let (windows, setup) = match args.windows(paths) {
         Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) => {
             let given = args.setup.over(Setup::default())?;
             let counted = Setup { arcsec_per_count: Some(1.0), ..given.clone() };

@@ -13,8 +13,8 @@ use crate::args::report::ReportArgs;
 use crate::args::setup::LogArgs;
 use crate::files::Files;
 use crate::files::loading::{self, Kind};
+use crate::output::calibration::describe;
 use crate::output::console::{Console, Outcome, Ran};
-use crate::verbs::calibrate::summary;
 
 /// Say what a file is, and of a log what it is good for
 ///
@@ -53,7 +53,7 @@ pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
             false => {
                 let calibration: Calibration = loading::calibration(file)?;
                 console.say(format!("a calibration of {} by {}", calibration.serial, calibration.provenance.program));
-                summary(console, &calibration);
+                calibration.axes.iter().for_each(|axis| describe(console, axis));
                 console.object(&calibration)?;
             }
         },

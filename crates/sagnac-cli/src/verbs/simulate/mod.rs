@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 
 use sagnac::{Error, Result};
 use sagnac_log::ingest::Content;
-use sagnac_log::read::read_text;
 use sagnac_log::write::{ParquetRows, write_atomically};
 use sagnac_report::chart_report;
 use sagnac_sim::{
@@ -19,9 +18,8 @@ use sagnac_sim::{
 use sagnac_units::format::significant;
 
 use crate::args::report::ReportArgs;
-use crate::files::Files;
-use crate::files::loading;
 use crate::files::pipe::PipeAware;
+use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::SimulatedTime;
 use crate::output::terminal::table;
@@ -97,25 +95,9 @@ fn check_files(args: &Args) -> Result<()> {
     args.report.check_with(Files::new().reads([&args.scenario]).writes(&args.output).writes(&args.truth))
 }
 
-/// A scenario's refusal, with its file and key.
-pub(crate) fn refused(path: &Path, problem: &ScenarioError) -> Error {
-    let error = Error::input(problem.message.clone()).file(path.display().to_string());
-    let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };
-    let error = problem.line.map_or(error.clone(), |line| error.line(line));
-    error.help("docs/reference/scenario.md lists every key with its unit and range")
-}
-
-/// Reads and checks a scenario.
-pub(crate) fn read_scenario(path: &Path) -> Result<Scenario> {
-    let text = read_text(path, "read the scenario", 1 << 20)?;
-    let scenario = Scenario::from_toml(&text).map_err(|problem| refused(path, &problem))?;
-    scenario.build().map_err(|problem| refused(path, &problem))?;
-    Ok(scenario)
-}
-
 fn scenario(args: &Args) -> Result<Scenario> {
-    let refused = |problem: ScenarioError| refused(&args.scenario, &problem);
-    let mut scenario = read_scenario(&args.scenario)?;
+    let refused = |problem: ScenarioError| loading::scenario_refused(&args.scenario, &problem);
+    let mut scenario = loading::scenario(&args.scenario)?;
     if scenario.name.is_empty() {
         scenario.name = args.scenario.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         scenario.name.retain(|c| !c.is_control());
@@ -278,7 +260,7 @@ fn bode(args: &Args, scenario: &Scenario, console: &mut Console) -> Ran {
             Error::input("--bode sweeps the loops and makes no log; leave -o and --truth away").column("--bode")
         );
     }
-    let refused = |problem: ScenarioError| refused(&args.scenario, &problem);
+    let refused = |problem: ScenarioError| loading::scenario_refused(&args.scenario, &problem);
     let design = LoopDesign::build(scenario).map_err(refused)?;
     let path = design.sweep(LoopName::PathLength, scenario.path_length.bandwidth_hz).map_err(refused)?;
     let light = design.sweep(LoopName::Intensity, scenario.intensity.bandwidth_hz).map_err(refused)?;
