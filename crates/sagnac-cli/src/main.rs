@@ -57,7 +57,7 @@ enum Command {
     Bench(verbs::bench::Args),
     Export(verbs::export::Args),
     #[cfg(feature = "full")]
-    Frames(verbs::frames::Args),
+    Frames(verbs::line::read::Args),
     Key(verbs::key::Args),
     Line(verbs::line::Args),
     Import(verbs::import::Args),
@@ -168,7 +168,7 @@ fn run(mut command: Command, console: &mut Console) -> console::Ran {
         Command::Bench(args) => verbs::bench::run(&args, console),
         Command::Export(args) => verbs::export::run(&args, console),
         #[cfg(feature = "full")]
-        Command::Frames(args) => verbs::frames::run(&args, console),
+        Command::Frames(args) => verbs::line::read::run(&args, console),
         Command::Key(args) => verbs::key::run(&args, console),
         Command::Line(args) => verbs::line::run(&args, console),
         Command::Import(args) => verbs::import::run(&args, console),

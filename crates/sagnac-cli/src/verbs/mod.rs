@@ -9,8 +9,6 @@ pub(crate) mod compensate;
 pub(crate) mod evaluate;
 pub(crate) mod export;
 pub(crate) mod fleet;
-#[cfg(feature = "full")]
-pub(crate) mod frames;
 pub(crate) mod import;
 pub(crate) mod init;
 pub(crate) mod inspect;

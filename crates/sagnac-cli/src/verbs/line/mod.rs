@@ -1,5 +1,8 @@
 //! `sagnac line`: one message to a gyro's serial line.
 
+#[cfg(feature = "full")]
+pub(crate) mod read;
+
 use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
