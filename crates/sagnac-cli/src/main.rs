@@ -10,7 +10,6 @@ mod output;
 mod verbs;
 
 use std::io::Write;
-use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -20,6 +19,7 @@ use sagnac_units::format::printable;
 use crate::files::interrupt;
 use crate::files::log_paths::expanded;
 use crate::output::console::{self, Console, Outcome};
+use crate::verbs::{Verbs, manual};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -43,28 +43,9 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    Calibrate(verbs::calibrate::Args),
-    Verify(verbs::verify::Args),
-    Compare(verbs::compare::Args),
-    Compensate(verbs::compensate::Args),
-    Window(verbs::window::Args),
-    Allan(verbs::allan::Args),
-    Inspect(verbs::inspect::Args),
-    Evaluate(verbs::evaluate::Args),
-    Fleet(verbs::fleet::Args),
-    Plan(verbs::plan::Args),
-    #[cfg(feature = "full")]
-    Bench(verbs::bench::Args),
-    Export(verbs::export::Args),
-    #[cfg(feature = "full")]
-    Frames(verbs::line::read::Args),
-    Key(verbs::key::Args),
-    Line(verbs::line::Args),
-    Import(verbs::import::Args),
-    Init(verbs::init::Args),
-    Demo(verbs::simulate::paper::Args),
-    Simulate(verbs::simulate::Args),
-    Manual(verbs::manual::Args),
+    #[command(flatten)]
+    Verb(Box<Verbs>),
+    Manual(manual::Args),
 }
 
 fn main() -> ExitCode {
@@ -88,20 +69,13 @@ fn on_all_processors<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 }
 
 fn begin() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    let mut cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(said) => return arguments_said(&said),
     };
-    let json = match &cli.command {
-        Command::Calibrate(args) => args.json,
-        Command::Verify(args) => args.json,
-        Command::Allan(args) => args.json,
-        Command::Compare(args) => args.json,
-        Command::Inspect(args) => args.json,
-        Command::Evaluate(args) => args.json,
-        Command::Fleet(args) => args.is_json(),
-        Command::Plan(args) => args.json,
-        _ => false,
+    let json = match &mut cli.command {
+        Command::Verb(verbs) => verbs.verb().json(),
+        Command::Manual(_) => false,
     };
     let mut console = Console::new(json);
     console::keep_panics_quiet();
@@ -137,44 +111,15 @@ fn arguments_said(said: &clap::Error) -> ExitCode {
     }
 }
 
-/// The arguments that are logs: a folder or a pattern stands for the logs in it.
-fn logs_of(command: &mut Command) -> Option<&mut Vec<PathBuf>> {
+fn run(command: Command, console: &mut Console) -> console::Ran {
     match command {
-        Command::Calibrate(args) => Some(&mut args.logs),
-        Command::Verify(args) => Some(&mut args.retests),
-        Command::Window(args) => Some(&mut args.logs),
-        Command::Allan(args) => Some(&mut args.logs),
-        Command::Inspect(args) => Some(&mut args.files),
-        _ => None,
-    }
-}
-
-fn run(mut command: Command, console: &mut Console) -> console::Ran {
-    if let Some(logs) = logs_of(&mut command) {
-        *logs = expanded(logs, console)?;
-    }
-    match command {
-        Command::Calibrate(args) => verbs::calibrate::run(&args, console),
-        Command::Verify(args) => verbs::verify::run(&args, console),
-        Command::Compensate(args) => verbs::compensate::run(&args, console),
-        Command::Window(args) => verbs::window::run(&args, console),
-        Command::Allan(args) => verbs::allan::run(&args, console),
-        Command::Compare(args) => verbs::compare::run(&args, console),
-        Command::Inspect(args) => verbs::inspect::run(&args, console),
-        Command::Evaluate(args) => verbs::evaluate::run(&args, console),
-        Command::Fleet(args) => verbs::fleet::run(&args, console),
-        Command::Plan(args) => verbs::plan::run(&args, console),
-        #[cfg(feature = "full")]
-        Command::Bench(args) => verbs::bench::run(&args, console),
-        Command::Export(args) => verbs::export::run(&args, console),
-        #[cfg(feature = "full")]
-        Command::Frames(args) => verbs::line::read::run(&args, console),
-        Command::Key(args) => verbs::key::run(&args, console),
-        Command::Line(args) => verbs::line::run(&args, console),
-        Command::Import(args) => verbs::import::run(&args, console),
-        Command::Init(args) => verbs::init::run(&args, console),
-        Command::Demo(args) => verbs::simulate::paper::run(&args, console),
-        Command::Simulate(args) => verbs::simulate::run(&args, console),
-        Command::Manual(args) => verbs::manual::run(&args, <Cli as clap::CommandFactory>::command(), console),
+        Command::Verb(mut verbs) => {
+            let verb = verbs.verb();
+            if let Some(logs) = verb.logs() {
+                *logs = expanded(logs, console)?;
+            }
+            verb.run(console)
+        }
+        Command::Manual(args) => manual::run(&args, <Cli as clap::CommandFactory>::command(), console),
     }
 }

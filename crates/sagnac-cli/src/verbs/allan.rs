@@ -17,6 +17,7 @@ use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::tables::excluded;
 use crate::output::terminal::table;
+use crate::verbs::verb::Verb;
 
 /// τ in the table on the terminal.
 const SHOWN_TAUS: usize = 12;
@@ -35,7 +36,7 @@ Examples:
 pub(crate) struct Args {
     /// Logs of the gyro at rest, a folder or a pattern of them, or one table of tau_s and adev_dph
     #[arg(required = true)]
-    pub(crate) logs: Vec<PathBuf>,
+    logs: Vec<PathBuf>,
     /// τ to show: seconds separated by commas, `octave`, `all`, or `log` for ten per decade
     #[arg(long, default_value = "log")]
     taus: String,
@@ -55,7 +56,7 @@ pub(crate) struct Args {
     report: ReportArgs,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
-    pub(crate) json: bool,
+    json: bool,
     #[command(flatten)]
     setup: SetupArgs,
 }
@@ -66,28 +67,38 @@ enum Detrend {
     Temperature,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    let files = Files::new().reads(&args.logs).reads(&args.setup.setup).writes(&args.output);
-    args.report.check_with(files)?;
-    if let Some(path) = &args.output {
-        loading::check_output_name(path, "CSV")?;
+impl Verb for Args {
+    fn json(&self) -> bool {
+        self.json
     }
-    let budget = match args.logs.as_slice() {
-        [path] if is_curve_file(path)? => of_curve(path, args)?,
-        _ => of_logs(args)?,
-    };
-    for warning in &budget.warnings {
-        console.note(format!("warning: {warning}"));
+
+    fn logs(&mut self) -> Option<&mut Vec<PathBuf>> {
+        Some(&mut self.logs)
     }
-    budget.axes.iter().for_each(|axis| describe(console, axis));
-    excluded(&budget.excluded).iter().for_each(|line| console.say(line));
-    if let Some(path) = &args.output {
-        write_bytes(path, curve_csv(&budget).as_bytes())?;
-        console.say(format!("wrote {}", path.display()));
+
+    fn run(&self, console: &mut Console) -> Ran {
+        let files = Files::new().reads(&self.logs).reads(&self.setup.setup).writes(&self.output);
+        self.report.check_with(files)?;
+        if let Some(path) = &self.output {
+            loading::check_output_name(path, "CSV")?;
+        }
+        let budget = match self.logs.as_slice() {
+            [path] if is_curve_file(path)? => of_curve(path, self)?,
+            _ => of_logs(self)?,
+        };
+        for warning in &budget.warnings {
+            console.note(format!("warning: {warning}"));
+        }
+        budget.axes.iter().for_each(|axis| describe(console, axis));
+        excluded(&budget.excluded).iter().for_each(|line| console.say(line));
+        if let Some(path) = &self.output {
+            write_bytes(path, curve_csv(&budget).as_bytes())?;
+            console.say(format!("wrote {}", path.display()));
+        }
+        self.report.write(console, || noise_report(&budget))?;
+        console.object(&budget)?;
+        Ok(Outcome::Done)
     }
-    args.report.write(console, || noise_report(&budget))?;
-    console.object(&budget)?;
-    Ok(Outcome::Done)
 }
 
 /// True for a file that begins like a curve; pipes are logs.

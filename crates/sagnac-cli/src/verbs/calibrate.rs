@@ -18,6 +18,7 @@ use crate::output::calibration::describe;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::of_fit;
 use crate::output::terminal::table;
+use crate::verbs::verb::Verb;
 
 /// Fit how bias and scale factor move with temperature
 ///
@@ -38,7 +39,7 @@ Examples:
 pub(crate) struct Args {
     /// Thermal-test logs: CSV, Parquet, Arrow or PX4 ULog, also gzipped; a folder or a pattern stands for its logs, `-` is standard input
     #[arg(required = true)]
-    pub(crate) logs: Vec<PathBuf>,
+    logs: Vec<PathBuf>,
     /// Calibration to write
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
@@ -64,55 +65,66 @@ pub(crate) struct Args {
     warm_up: bool,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
-    pub(crate) json: bool,
+    json: bool,
     #[command(flatten)]
     reading: LogArgs,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    let files = Files::new().reads(&args.logs).reads(&args.reading.setup.setup).reads(&args.prior).writes(&args.output);
-    args.report.check_with(files)?;
-    let prior = args.prior.as_deref().map(|path| of_unit(path, args.lot.as_deref())).transpose()?;
-    if let (Some(lot), Some(UnitPrior { lot: None, .. })) = (&args.lot, &prior) {
-        console.note(format!(
-            "the prior has no lot {lot} of eight axes or more: it is about the mean of all lots, as a new lot is"
-        ));
+impl Verb for Args {
+    fn json(&self) -> bool {
+        self.json
     }
-    let options = FitOptions::new(args.model.parse()?)
-        .prior(prior)
-        .source_date_epoch(source_date_epoch()?)
-        .correct_warm_up(args.warm_up)
-        .progress(of_fit());
-    let (windows, setup) = args.reading.windows(&args.logs)?;
-    for run in windows.runs.iter().filter(|run| run.files.len() > 1) {
-        let by_counter = run.files.iter().any(|file| file.summary.follows_by_counter);
-        let why =
-            if by_counter { "whose running total goes on although the time restarts" } else { "whose times go on" };
-        console.note(format!("one run: {}, {why} (--runs makes each file a run)", run.name()));
+
+    fn logs(&mut self) -> Option<&mut Vec<PathBuf>> {
+        Some(&mut self.logs)
     }
-    let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
-    // Its bar goes before the results come.
-    drop(options);
-    let text = calibration.to_json()?;
-    for axis in &calibration.axes {
-        describe(console, axis);
-        if args.warm_up && axis.correction.warm_up.is_none() {
-            console.note("  no warm-up is found in these runs, so none is corrected");
+
+    fn run(&self, console: &mut Console) -> Ran {
+        let files =
+            Files::new().reads(&self.logs).reads(&self.reading.setup.setup).reads(&self.prior).writes(&self.output);
+        self.report.check_with(files)?;
+        let prior = self.prior.as_deref().map(|path| of_unit(path, self.lot.as_deref())).transpose()?;
+        if let (Some(lot), Some(UnitPrior { lot: None, .. })) = (&self.lot, &prior) {
+            console.note(format!(
+                "the prior has no lot {lot} of eight axes or more: it is about the mean of all lots, as a new lot is"
+            ));
         }
-        if args.tradeoff {
-            console.say(tradeoff(axis)?);
+        let options = FitOptions::new(self.model.parse()?)
+            .prior(prior)
+            .source_date_epoch(source_date_epoch()?)
+            .correct_warm_up(self.warm_up)
+            .progress(of_fit());
+        let (windows, setup) = self.reading.windows(&self.logs)?;
+        for run in windows.runs.iter().filter(|run| run.files.len() > 1) {
+            let by_counter = run.files.iter().any(|file| file.summary.follows_by_counter);
+            let why =
+                if by_counter { "whose running total goes on although the time restarts" } else { "whose times go on" };
+            console.note(format!("one run: {}, {why} (--runs makes each file a run)", run.name()));
         }
+        let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
+        // Its bar goes before the results come.
+        drop(options);
+        let text = calibration.to_json()?;
+        for axis in &calibration.axes {
+            describe(console, axis);
+            if self.warm_up && axis.correction.warm_up.is_none() {
+                console.note("  no warm-up is found in these runs, so none is corrected");
+            }
+            if self.tradeoff {
+                console.say(tradeoff(axis)?);
+            }
+        }
+        if let Some(path) = &self.output {
+            write_bytes(path, text.as_bytes())?;
+            console.say(format!("wrote {}", path.display()));
+        }
+        self.report.write(console, || calibration_report(&calibration, &report_data))?;
+        if calibration.serial == sagnac::calibration::UNASSIGNED {
+            console.note("note: no serial number given, so no image can be exported from this calibration (--serial)");
+        }
+        console.object(&calibration)?;
+        Ok(Outcome::Done)
     }
-    if let Some(path) = &args.output {
-        write_bytes(path, text.as_bytes())?;
-        console.say(format!("wrote {}", path.display()));
-    }
-    args.report.write(console, || calibration_report(&calibration, &report_data))?;
-    if calibration.serial == sagnac::calibration::UNASSIGNED {
-        console.note("note: no serial number given, so no image can be exported from this calibration (--serial)");
-    }
-    console.object(&calibration)?;
-    Ok(Outcome::Done)
 }
 
 fn of_unit(path: &Path, lot: Option<&str>) -> Result<UnitPrior> {

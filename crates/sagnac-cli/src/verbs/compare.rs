@@ -14,6 +14,7 @@ use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::tables::limits_table;
 use crate::output::terminal::table;
+use crate::verbs::verb::Verb;
 
 /// Hold calibrations of one unit against each other: cycles, turn-ons, months
 #[derive(clap::Args)]
@@ -32,46 +33,53 @@ pub(crate) struct Args {
     report: ReportArgs,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
-    pub(crate) json: bool,
+    json: bool,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    args.report.check_with(Files::new().reads(&args.calibrations).reads(&args.limits))?;
-    let read = |path: &PathBuf| -> Result<(String, Calibration)> {
-        let name = path.display().to_string();
-        match loading::kind_of(path)? {
-            loading::Kind::Calibration => Ok((name, loading::calibration(path)?)),
-            _ => Err(Error::input("no calibration").file(name).help("give files that `sagnac calibrate -o` wrote")),
+impl Verb for Args {
+    fn json(&self) -> bool {
+        self.json
+    }
+
+    fn run(&self, console: &mut Console) -> Ran {
+        self.report.check_with(Files::new().reads(&self.calibrations).reads(&self.limits))?;
+        let read = |path: &PathBuf| -> Result<(String, Calibration)> {
+            let name = path.display().to_string();
+            match loading::kind_of(path)? {
+                loading::Kind::Calibration => Ok((name, loading::calibration(path)?)),
+                _ => Err(Error::input("no calibration").file(name).help("give files that `sagnac calibrate -o` wrote")),
+            }
+        };
+        let records: Result<Vec<(String, Calibration)>> = self.calibrations.iter().map(read).collect();
+        let limits = self.limits.as_deref().map(Limits::named_or_read).transpose()?;
+        let comparison = compare(&records?, limits.as_ref())?;
+        if !comparison.shared_logs.is_empty() {
+            let logs = comparison.shared_logs.join(", ");
+            console.note(format!(
+                "warning: records made from the same log ({logs}) are not independent and agree too well"
+            ));
         }
-    };
-    let records: Result<Vec<(String, Calibration)>> = args.calibrations.iter().map(read).collect();
-    let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
-    let comparison = compare(&records?, limits.as_ref())?;
-    if !comparison.shared_logs.is_empty() {
-        let logs = comparison.shared_logs.join(", ");
-        console
-            .note(format!("warning: records made from the same log ({logs}) are not independent and agree too well"));
-    }
-    if !comparison.untested_axes.is_empty() {
-        let axes: Vec<String> = comparison.untested_axes.iter().map(char::to_string).collect();
-        console.note(format!("warning: not every record has axis {}, which is not compared", axes.join(", ")));
-    }
-    for change in &comparison.changes {
-        console.say(format!("{}: {}", comparison.records[change.record].0, change.words()));
-    }
-    for axis in &comparison.axes {
-        if let Some(words) = verdict(axis, &comparison) {
-            console.say(format!("axis {}: {words}", axis.axis));
-            console.say(limits_table(&axis.limits, false));
+        if !comparison.untested_axes.is_empty() {
+            let axes: Vec<String> = comparison.untested_axes.iter().map(char::to_string).collect();
+            console.note(format!("warning: not every record has axis {}, which is not compared", axes.join(", ")));
         }
-        describe(console, &comparison, axis);
-        for words in axis.numbers.iter().filter_map(ComparedNumber::verdict) {
-            console.say(format!("axis {}: {words}", axis.axis));
+        for change in &comparison.changes {
+            console.say(format!("{}: {}", comparison.records[change.record].0, change.words()));
         }
+        for axis in &comparison.axes {
+            if let Some(words) = verdict(axis, &comparison) {
+                console.say(format!("axis {}: {words}", axis.axis));
+                console.say(limits_table(&axis.limits, false));
+            }
+            describe(console, &comparison, axis);
+            for words in axis.numbers.iter().filter_map(ComparedNumber::verdict) {
+                console.say(format!("axis {}: {words}", axis.axis));
+            }
+        }
+        self.report.write(console, || comparison_report(&comparison))?;
+        console.object(&comparison)?;
+        Ok(if comparison.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
     }
-    args.report.write(console, || comparison_report(&comparison))?;
-    console.object(&comparison)?;
-    Ok(if comparison.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
 }
 
 /// The verdict of an axis in words; `None` without limits.

@@ -16,6 +16,7 @@ use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::open_log;
 use crate::output::tables::excluded;
+use crate::verbs::verb::Verb;
 
 /// Correct a log as the gyro's processor would, row by row
 ///
@@ -42,38 +43,40 @@ pub(crate) struct Args {
     setup: SetupArgs,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    args.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
-    Files::new().reads([&args.correction, &args.log]).reads(&args.setup.setup).writes(&args.output).check()?;
-    let correction = loading::correction(&args.correction)?;
-    let setup = args.setup.over(correction.setup())?;
-    let done = match &args.output {
-        Some(path) => {
-            let mut done = None;
-            let written = write_atomically(path, |out| {
-                done = Some(pour(args, &correction, &setup, out)?);
-                Ok(())
-            });
-            written.map_err(|e| e.file(path.display().to_string()))?;
-            done
+impl Verb for Args {
+    fn run(&self, console: &mut Console) -> Ran {
+        self.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
+        Files::new().reads([&self.correction, &self.log]).reads(&self.setup.setup).writes(&self.output).check()?;
+        let correction = loading::correction(&self.correction)?;
+        let setup = self.setup.over(correction.setup())?;
+        let done = match &self.output {
+            Some(path) => {
+                let mut done = None;
+                let written = write_atomically(path, |out| {
+                    done = Some(pour(self, &correction, &setup, out)?);
+                    Ok(())
+                });
+                written.map_err(|e| e.file(path.display().to_string()))?;
+                done
+            }
+            None => pour_to_stdout(self, &correction, &setup)?,
+        };
+        // A reader that went away has seen what it wanted.
+        let Some(done) = done else { return Ok(Outcome::Done) };
+        for line in excluded(&done.log.tallies.list()) {
+            console.note(line);
         }
-        None => pour_to_stdout(args, &correction, &setup)?,
-    };
-    // A reader that went away has seen what it wanted.
-    let Some(done) = done else { return Ok(Outcome::Done) };
-    for line in excluded(&done.log.tallies.list()) {
-        console.note(line);
+        console.note(words(&done));
+        if done.fraction() >= self.corrected_min {
+            return Ok(Outcome::Done);
+        }
+        console.note(format!(
+            "LESS THAN {} % CORRECTED (--corrected-min {}): wrong units, another thermometer or another test",
+            significant(100.0 * self.corrected_min, 3),
+            self.corrected_min
+        ));
+        Ok(Outcome::LimitsNotMet)
     }
-    console.note(words(&done));
-    if done.fraction() >= args.corrected_min {
-        return Ok(Outcome::Done);
-    }
-    console.note(format!(
-        "LESS THAN {} % CORRECTED (--corrected-min {}): wrong units, another thermometer or another test",
-        significant(100.0 * args.corrected_min, 3),
-        args.corrected_min
-    ));
-    Ok(Outcome::LimitsNotMet)
 }
 
 /// How much was corrected, and why the rest was not.

@@ -13,6 +13,7 @@ use serde::Serialize;
 use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table;
+use crate::verbs::verb::Verb;
 
 /// Most temperatures of one call.
 const MOST_POINTS: usize = 1_000_000;
@@ -41,7 +42,7 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
-    pub(crate) json: bool,
+    json: bool,
 }
 
 #[derive(Serialize)]
@@ -55,32 +56,38 @@ struct EvaluatedAxis {
     points: Vec<Evaluation>,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new().reads([&args.calibration]).writes(&args.output).check()?;
-    let calibration = loading::calibration(&args.calibration)?;
-    let temperatures = temperatures(&args.at)?;
-    if !args.rate_cpm.is_finite() {
-        return Err(Error::input("must be a number").column("--rate-cpm").value(args.rate_cpm.to_string()));
+impl Verb for Args {
+    fn json(&self) -> bool {
+        self.json
     }
-    let of_axis = |axis: &AxisCalibration| EvaluatedAxis {
-        axis: axis.axis,
-        points: temperatures.iter().map(|celsius| axis.evaluate(*celsius, args.rate_cpm)).collect(),
-    };
-    let evaluated = Evaluated { axes: calibration.axes.iter().map(of_axis).collect() };
-    if let Some(path) = &args.output {
-        loading::check_output_name(path, "CSV, or Parquet for .parquet")?;
-        write(path, &evaluated)?;
-        console.say(format!(
-            "wrote {}: {} of {}",
-            path.display(),
-            counted(temperatures.len(), "point", "points"),
-            counted(evaluated.axes.len(), "axis", "axes")
-        ));
-    } else {
-        evaluated.axes.iter().for_each(|axis| console.say(describe(axis)));
+
+    fn run(&self, console: &mut Console) -> Ran {
+        Files::new().reads([&self.calibration]).writes(&self.output).check()?;
+        let calibration = loading::calibration(&self.calibration)?;
+        let temperatures = temperatures(&self.at)?;
+        if !self.rate_cpm.is_finite() {
+            return Err(Error::input("must be a number").column("--rate-cpm").value(self.rate_cpm.to_string()));
+        }
+        let of_axis = |axis: &AxisCalibration| EvaluatedAxis {
+            axis: axis.axis,
+            points: temperatures.iter().map(|celsius| axis.evaluate(*celsius, self.rate_cpm)).collect(),
+        };
+        let evaluated = Evaluated { axes: calibration.axes.iter().map(of_axis).collect() };
+        if let Some(path) = &self.output {
+            loading::check_output_name(path, "CSV, or Parquet for .parquet")?;
+            write(path, &evaluated)?;
+            console.say(format!(
+                "wrote {}: {} of {}",
+                path.display(),
+                counted(temperatures.len(), "point", "points"),
+                counted(evaluated.axes.len(), "axis", "axes")
+            ));
+        } else {
+            evaluated.axes.iter().for_each(|axis| console.say(describe(axis)));
+        }
+        console.object(&evaluated)?;
+        Ok(Outcome::Done)
     }
-    console.object(&evaluated)?;
-    Ok(Outcome::Done)
 }
 
 /// Temperatures that a gyro may have, °C.

@@ -22,6 +22,7 @@ use crate::files::loading::{self, Kind};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table as drawn;
 use crate::verbs::line::frame_bytes;
+use crate::verbs::verb::Verb;
 
 /// Write a calibration as what the target holds: a flash image per axis, C99, or Verilog
 #[derive(clap::Args)]
@@ -80,33 +81,35 @@ enum Target {
     DataSheet,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    check_flags(args)?;
-    match args.to {
-        Target::Image | Target::Upload => per_axis(args, console),
-        Target::DataSheet => data_sheets(args, console),
-        Target::Loops => {
-            files(args).writes([&args.output]).check()?;
-            let table = loops_of(&args.input)?.encode();
-            wrote(&args.output, &table, console)
-        }
-        Target::C => {
-            let images = images(args)?;
-            let files = c_files(&images, table(args, &images)?.as_ref());
-            folders(args, &[(args.output.clone(), files)], console)
-        }
-        Target::Verilog => {
-            let images = images(args)?;
-            let table = table(args, &images)?;
-            let made: Vec<_> = images
-                .iter()
-                .map(|image| {
-                    let axis = path_letter(char::from(image.description().axis));
-                    let path = if images.len() == 1 { args.output.clone() } else { args.output.join(axis) };
-                    (path, verilog_files(image, table.as_ref()))
-                })
-                .collect();
-            folders(args, &made, console)
+impl Verb for Args {
+    fn run(&self, console: &mut Console) -> Ran {
+        check_flags(self)?;
+        match self.to {
+            Target::Image | Target::Upload => per_axis(self, console),
+            Target::DataSheet => data_sheets(self, console),
+            Target::Loops => {
+                files(self).writes([&self.output]).check()?;
+                let table = loops_of(&self.input)?.encode();
+                wrote(&self.output, &table, console)
+            }
+            Target::C => {
+                let images = images(self)?;
+                let files = c_files(&images, table(self, &images)?.as_ref());
+                folders(self, &[(self.output.clone(), files)], console)
+            }
+            Target::Verilog => {
+                let images = images(self)?;
+                let table = table(self, &images)?;
+                let made: Vec<_> = images
+                    .iter()
+                    .map(|image| {
+                        let axis = path_letter(char::from(image.description().axis));
+                        let path = if images.len() == 1 { self.output.clone() } else { self.output.join(axis) };
+                        (path, verilog_files(image, table.as_ref()))
+                    })
+                    .collect();
+                folders(self, &made, console)
+            }
         }
     }
 }

@@ -10,6 +10,7 @@ use sagnac_units::format::significant;
 
 use crate::args::setup::numbers;
 use crate::output::console::{Console, Outcome, Ran};
+use crate::verbs::verb::Verb;
 
 /// Turn an old polynomial correction into a calibration, so that it can be verified too
 #[derive(clap::Args)]
@@ -46,34 +47,36 @@ pub(crate) struct Args {
     output: PathBuf,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    let setup = Setup {
-        serial: args.serial.clone(),
-        axis: args.axis,
-        arcsec_per_count: Some(args.arcsec_per_count),
-        quantum: args.quantum,
-        reference_c: args.reference,
-        ..Setup::default()
-    };
-    let polynomial = Polynomial {
-        coefficients: numbers("--polynomial", &args.polynomial)?,
-        window_s: args.window,
-        span_c: span(&args.span)?,
-    };
-    let calibration = import(&polynomial, &setup)?;
-    write_bytes(&args.output, calibration.to_json()?.as_bytes())?;
-    for axis in &calibration.axes {
-        let at_reference: f64 = axis.run_offsets.iter().map(|c| c.value_dph).sum();
-        console.say(format!(
-            "axis {}: `{}`, {} °/h at {} °C",
-            axis.axis,
-            axis.correction.model,
-            significant(at_reference, 6),
-            axis.reference_c()
-        ));
+impl Verb for Args {
+    fn run(&self, console: &mut Console) -> Ran {
+        let setup = Setup {
+            serial: self.serial.clone(),
+            axis: self.axis,
+            arcsec_per_count: Some(self.arcsec_per_count),
+            quantum: self.quantum,
+            reference_c: self.reference,
+            ..Setup::default()
+        };
+        let polynomial = Polynomial {
+            coefficients: numbers("--polynomial", &self.polynomial)?,
+            window_s: self.window,
+            span_c: span(&self.span)?,
+        };
+        let calibration = import(&polynomial, &setup)?;
+        write_bytes(&self.output, calibration.to_json()?.as_bytes())?;
+        for axis in &calibration.axes {
+            let at_reference: f64 = axis.run_offsets.iter().map(|c| c.value_dph).sum();
+            console.say(format!(
+                "axis {}: `{}`, {} °/h at {} °C",
+                axis.axis,
+                axis.correction.model,
+                significant(at_reference, 6),
+                axis.reference_c()
+            ));
+        }
+        console.say(format!("wrote {}", self.output.display()));
+        Ok(Outcome::Done)
     }
-    console.say(format!("wrote {}", args.output.display()));
-    Ok(Outcome::Done)
 }
 
 fn span(text: &str) -> Result<[f64; 2]> {

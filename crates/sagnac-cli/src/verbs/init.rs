@@ -14,6 +14,7 @@ use sagnac_units::format::{file_name, one_line};
 
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
+use crate::verbs::verb::Verb;
 
 /// Look at a log and write a commented setup for it
 ///
@@ -30,18 +31,24 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new().reads([&args.log]).writes(&args.output).check()?;
-    let text = setup_of(&file_name(&args.log.display().to_string()), &sample(&args.log)?);
-    match &args.output {
-        None => console.say(text.trim_end()),
-        Some(path) => {
-            write_bytes(path, text.as_bytes())?;
-            let guesses = text.lines().filter(|line| line.contains("GUESS")).count().saturating_sub(1);
-            console.say(format!("wrote {}: {guesses} guess{}", path.display(), if guesses == 1 { "" } else { "es" }));
+impl Verb for Args {
+    fn run(&self, console: &mut Console) -> Ran {
+        Files::new().reads([&self.log]).writes(&self.output).check()?;
+        let text = setup_of(&file_name(&self.log.display().to_string()), &sample(&self.log)?);
+        match &self.output {
+            None => console.say(text.trim_end()),
+            Some(path) => {
+                write_bytes(path, text.as_bytes())?;
+                let guesses = text.lines().filter(|line| line.contains("GUESS")).count().saturating_sub(1);
+                console.say(format!(
+                    "wrote {}: {guesses} guess{}",
+                    path.display(),
+                    if guesses == 1 { "" } else { "es" }
+                ));
+            }
         }
+        Ok(Outcome::Done)
     }
-    Ok(Outcome::Done)
 }
 
 /// What a column is for, and how sure that is.

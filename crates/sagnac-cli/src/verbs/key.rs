@@ -13,6 +13,7 @@ use sagnac_signature::{Keyed, Signer};
 use crate::args::signature::{BlockArgs, block, model_bytes, public_key, words};
 use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
+use crate::verbs::verb::Verb;
 
 /// Make a key, sign an image, or check a signature as a gyro would (Ed25519)
 #[derive(clap::Args)]
@@ -67,11 +68,13 @@ enum Action {
     },
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    match &args.action {
-        Action::New { output } => new(output, console),
-        Action::Sign { image, key, block, output } => sign(image, key, block, output, console),
-        Action::Verify { image, key, model, counter } => check(image, key, model.as_deref(), *counter, console),
+impl Verb for Args {
+    fn run(&self, console: &mut Console) -> Ran {
+        match &self.action {
+            Action::New { output } => new(output, console),
+            Action::Sign { image, key, block, output } => sign(image, key, block, output, console),
+            Action::Verify { image, key, model, counter } => check(image, key, model.as_deref(), *counter, console),
+        }
     }
 }
 

@@ -13,6 +13,7 @@ use crate::args::setup::numbers;
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table;
+use crate::verbs::verb::Verb;
 
 /// Plan the shortest thermal test with which the next unit of a fleet is expected to meet its limits
 ///
@@ -58,31 +59,37 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
-    pub(crate) json: bool,
+    json: bool,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new().reads(&args.setup).reads([&args.prior]).reads([&args.limits]).writes(&args.output).check()?;
-    let file = PriorFile::read(&args.prior)?;
-    let setup = args.setup.as_deref().map(Setup::read).transpose()?.unwrap_or_default();
-    let prior = file.of_unit(args.lot.as_deref()).map_err(|e| e.file(args.prior.display().to_string()))?;
-    let mut chamber = Chamber::new(args.start, numbers("--ramps", &args.ramps)?);
-    chamber.block_lag_min = args.block_lag;
-    let noise = setup.noise.unwrap_or_else(|| file.noise());
-    let mut request = PlanRequest::new(prior, noise, Limits::named_or_read(&args.limits)?, chamber);
-    (request.probability, request.share, request.hours_max) = (args.probability, args.share, args.hours_max);
-    request.reference_c = setup.reference_c;
-    if let Some(seconds) = setup.window.and_then(WindowSize::seconds) {
-        request.window_s = seconds;
+impl Verb for Args {
+    fn json(&self) -> bool {
+        self.json
     }
-    let made = plan(&request)?;
-    console.say(described(&made, &request));
-    if let Some(path) = &args.output {
-        write_bytes(path, csv(&made).as_bytes())?;
-        console.say(format!("wrote {}", path.display()));
+
+    fn run(&self, console: &mut Console) -> Ran {
+        Files::new().reads(&self.setup).reads([&self.prior]).reads([&self.limits]).writes(&self.output).check()?;
+        let file = PriorFile::read(&self.prior)?;
+        let setup = self.setup.as_deref().map(Setup::read).transpose()?.unwrap_or_default();
+        let prior = file.of_unit(self.lot.as_deref()).map_err(|e| e.file(self.prior.display().to_string()))?;
+        let mut chamber = Chamber::new(self.start, numbers("--ramps", &self.ramps)?);
+        chamber.block_lag_min = self.block_lag;
+        let noise = setup.noise.unwrap_or_else(|| file.noise());
+        let mut request = PlanRequest::new(prior, noise, Limits::named_or_read(&self.limits)?, chamber);
+        (request.probability, request.share, request.hours_max) = (self.probability, self.share, self.hours_max);
+        request.reference_c = setup.reference_c;
+        if let Some(seconds) = setup.window.and_then(WindowSize::seconds) {
+            request.window_s = seconds;
+        }
+        let made = plan(&request)?;
+        console.say(described(&made, &request));
+        if let Some(path) = &self.output {
+            write_bytes(path, csv(&made).as_bytes())?;
+            console.say(format!("wrote {}", path.display()));
+        }
+        console.object(&made)?;
+        Ok(Outcome::Done)
     }
-    console.object(&made)?;
-    Ok(Outcome::Done)
 }
 
 fn described(made: &Plan, request: &PlanRequest) -> String {

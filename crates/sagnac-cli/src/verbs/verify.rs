@@ -17,6 +17,7 @@ use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::tables::{excluded, limits_table};
 use crate::output::terminal::table;
+use crate::verbs::verb::Verb;
 
 /// Prove on another test what a correction gains
 ///
@@ -30,7 +31,7 @@ pub(crate) struct Args {
     correction: PathBuf,
     /// Logs that the fit did not see; a folder or a pattern stands for its logs
     #[arg(required = true)]
-    pub(crate) retests: Vec<PathBuf>,
+    retests: Vec<PathBuf>,
     /// Limits to be met: a TOML file, or `navigation-grade` or `paper`
     #[arg(long, value_name = "FILE|SET")]
     limits: Option<String>,
@@ -40,7 +41,7 @@ pub(crate) struct Args {
     sheet: SheetArgs,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
-    pub(crate) json: bool,
+    json: bool,
     /// Leave out what looks like bumps, steps or start-up (`outliers`), or the discarded start of each run (`start`): for a bench
     /// that was bumped. How much is left out is a limit of its own
     #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
@@ -99,29 +100,40 @@ impl SheetArgs {
     }
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    let sheet = args.sheet.sheet()?;
-    let files =
-        Files::new().reads(&args.retests).reads([&args.correction]).reads(&args.setup.setup).reads(&args.limits);
-    args.report.check_with(files)?;
-    let correction = loading::correction(&args.correction)?;
-    let setup = args.setup.over(correction.setup())?;
-    let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
-    let logs = loading::logs(&args.retests, &setup, "replaying")?;
-    let options = VerifyOptions::default()
-        .exclude_outliers(args.exclude.contains(&Exclude::Outliers))
-        .exclude_start(args.exclude.contains(&Exclude::Start));
-    let proof = verify(&correction, logs, &setup, options)?;
-    let Proof { verification, report_data, .. } = match &limits {
-        Some(limits) => proof.limits(limits)?,
-        None => proof,
-    };
-    warn_of_same_log(console, &verification);
-    describe(console, &verification);
-    args.report
-        .write(console, || verification_report(&verification, correction.calibration.as_ref(), &report_data, &sheet))?;
-    console.object(&verification)?;
-    Ok(if verification.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
+impl Verb for Args {
+    fn json(&self) -> bool {
+        self.json
+    }
+
+    fn logs(&mut self) -> Option<&mut Vec<PathBuf>> {
+        Some(&mut self.retests)
+    }
+
+    fn run(&self, console: &mut Console) -> Ran {
+        let sheet = self.sheet.sheet()?;
+        let files =
+            Files::new().reads(&self.retests).reads([&self.correction]).reads(&self.setup.setup).reads(&self.limits);
+        self.report.check_with(files)?;
+        let correction = loading::correction(&self.correction)?;
+        let setup = self.setup.over(correction.setup())?;
+        let limits = self.limits.as_deref().map(Limits::named_or_read).transpose()?;
+        let logs = loading::logs(&self.retests, &setup, "replaying")?;
+        let options = VerifyOptions::default()
+            .exclude_outliers(self.exclude.contains(&Exclude::Outliers))
+            .exclude_start(self.exclude.contains(&Exclude::Start));
+        let proof = verify(&correction, logs, &setup, options)?;
+        let Proof { verification, report_data, .. } = match &limits {
+            Some(limits) => proof.limits(limits)?,
+            None => proof,
+        };
+        warn_of_same_log(console, &verification);
+        describe(console, &verification);
+        self.report.write(console, || {
+            verification_report(&verification, correction.calibration.as_ref(), &report_data, &sheet)
+        })?;
+        console.object(&verification)?;
+        Ok(if verification.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
+    }
 }
 
 /// Warns if the retest is a log of the fit: that proves nothing.

@@ -10,6 +10,7 @@ use crate::args::setup::LogArgs;
 use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::tables::excluded;
+use crate::verbs::verb::Verb;
 
 /// Sum logs into analysis windows and write them as a Parquet table, or CSV to look at
 #[derive(clap::Args)]
@@ -19,7 +20,7 @@ Example:
 pub(crate) struct Args {
     /// Logs, each a run; a folder or a pattern stands for its logs
     #[arg(required = true)]
-    pub(crate) logs: Vec<PathBuf>,
+    logs: Vec<PathBuf>,
     /// Table to write: Parquet, which calibrate takes in place of logs, or CSV for a name in .csv
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
@@ -27,26 +28,32 @@ pub(crate) struct Args {
     reading: LogArgs,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    loading::check_output_name(&args.output, "Parquet, or CSV for .csv")?;
-    Files::new().reads(&args.logs).reads(&args.reading.setup.setup).writes([&args.output]).check()?;
-    let (windows, setup) = args.reading.windows(&args.logs)?;
-    let mut bytes = Vec::new();
-    if loading::has_extension(&args.output, "csv") {
-        write_table_csv(&windows, &setup, &mut bytes)?;
-    } else {
-        write_table(&windows, &setup, &mut bytes)?;
+impl Verb for Args {
+    fn logs(&mut self) -> Option<&mut Vec<PathBuf>> {
+        Some(&mut self.logs)
     }
-    write_bytes(&args.output, &bytes)?;
-    let used = windows.rows.excluded.iter().filter(|reason| reason.is_none()).count();
-    console.say(format!(
-        "wrote {}: {} of {}, {used} to be used",
-        args.output.display(),
-        counted(windows.len(), "window", "windows"),
-        counted(windows.runs.len(), "run", "runs")
-    ));
-    for line in excluded(&windows.tallies.list()) {
-        console.say(line);
+
+    fn run(&self, console: &mut Console) -> Ran {
+        loading::check_output_name(&self.output, "Parquet, or CSV for .csv")?;
+        Files::new().reads(&self.logs).reads(&self.reading.setup.setup).writes([&self.output]).check()?;
+        let (windows, setup) = self.reading.windows(&self.logs)?;
+        let mut bytes = Vec::new();
+        if loading::has_extension(&self.output, "csv") {
+            write_table_csv(&windows, &setup, &mut bytes)?;
+        } else {
+            write_table(&windows, &setup, &mut bytes)?;
+        }
+        write_bytes(&self.output, &bytes)?;
+        let used = windows.rows.excluded.iter().filter(|reason| reason.is_none()).count();
+        console.say(format!(
+            "wrote {}: {} of {}, {used} to be used",
+            self.output.display(),
+            counted(windows.len(), "window", "windows"),
+            counted(windows.runs.len(), "run", "runs")
+        ));
+        for line in excluded(&windows.tallies.list()) {
+            console.say(line);
+        }
+        Ok(Outcome::Done)
     }
-    Ok(Outcome::Done)
 }

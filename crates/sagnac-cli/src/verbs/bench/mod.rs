@@ -30,6 +30,7 @@ use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::of_fit;
 use crate::verbs::bench::lines::Lines;
 use crate::verbs::bench::screen::Screen;
+use crate::verbs::verb::Verb;
 
 /// Address of the page, if it is free.
 const PAGE: &str = "127.0.0.1:8647";
@@ -98,33 +99,36 @@ enum StopWhen {
     Met,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    if !loading::has_extension(&args.output, "parquet") {
-        return Err(Error::input("a recording is written as Parquet: give it the ending .parquet")
-            .file(args.output.display().to_string()));
-    }
-    let journal = journal_of(&args.output);
-    let files = Files::new().reads(&args.bench).reads(&args.setup.setup).writes([&args.output]);
-    args.report.check_with(files.writes(&args.calibration))?;
-    let model: Model = args.model.parse()?;
-    // A recording is finished with its own setup, or with a corrected one.
-    let has_setup = args.bench.is_some() || args.setup.setup.is_some();
-    let setup = if args.finish && !has_setup { JournalRows::open(&journal)?.start().setup() } else { setup_of(args)? };
-    let enough = enough_of(args, &setup)?;
-    page_address(args)?;
-    if !args.finish {
-        if args.output.exists() && !args.resume {
-            return Err(Error::input("a log of this name is there already")
-                .file(args.output.display().to_string())
-                .help("give another -o; --resume goes on with its recording"));
+impl Verb for Args {
+    fn run(&self, console: &mut Console) -> Ran {
+        if !loading::has_extension(&self.output, "parquet") {
+            return Err(Error::input("a recording is written as Parquet: give it the ending .parquet")
+                .file(self.output.display().to_string()));
         }
-        let request = LiveRequest { model: model.clone(), every_minute: is_replay(&setup), enough };
-        record(args, &setup, request, &journal, console)?;
+        let journal = journal_of(&self.output);
+        let files = Files::new().reads(&self.bench).reads(&self.setup.setup).writes([&self.output]);
+        self.report.check_with(files.writes(&self.calibration))?;
+        let model: Model = self.model.parse()?;
+        // A recording is finished with its own setup, or with a corrected one.
+        let has_setup = self.bench.is_some() || self.setup.setup.is_some();
+        let setup =
+            if self.finish && !has_setup { JournalRows::open(&journal)?.start().setup() } else { setup_of(self)? };
+        let enough = enough_of(self, &setup)?;
+        page_address(self)?;
+        if !self.finish {
+            if self.output.exists() && !self.resume {
+                return Err(Error::input("a log of this name is there already")
+                    .file(self.output.display().to_string())
+                    .help("give another -o; --resume goes on with its recording"));
+            }
+            let request = LiveRequest { model: model.clone(), every_minute: is_replay(&setup), enough };
+            record(self, &setup, request, &journal, console)?;
+        }
+        let finished = finish(JournalRows::open_with(&journal, &setup)?, &self.output)?;
+        describe(&finished, console);
+        console.say(format!("wrote {}", self.output.display()));
+        calibrate(self, &setup, model, console)
     }
-    let finished = finish(JournalRows::open_with(&journal, &setup)?, &args.output)?;
-    describe(&finished, console);
-    console.say(format!("wrote {}", args.output.display()));
-    calibrate(args, &setup, model, console)
 }
 
 /// The setup with the flags over it.

@@ -14,6 +14,7 @@ use crate::args::setup::source_date_epoch;
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::Units;
+use crate::verbs::verb::Verb;
 
 /// Calibrate every unit of a folder or a manifest
 ///
@@ -49,41 +50,47 @@ pub(crate) struct Args {
     threads: Option<NonZeroUsize>,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
-    pub(super) json: bool,
+    json: bool,
     #[command(flatten)]
     setup: SetupArgs,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    Files::new().reads(&args.setup.setup).reads(&args.prior).check()?;
-    fleet::check_output(&args.output, &args.source)?;
-    let units = units_of(&args.source)?;
-    let setup = args.setup.over(Setup::default())?;
-    if setup.serial.is_some() {
-        return Err(Error::input("one serial number for all units")
-            .column("serial")
-            .help("take it out: each unit has its name, or the serial number of its own setup"));
+impl Verb for Args {
+    fn json(&self) -> bool {
+        self.json
     }
-    let prior = args.prior.as_deref().map(PriorFile::read).transpose()?;
-    let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
-    let (model, epoch_s) = (args.model.parse()?, source_date_epoch()?);
-    let recipe = Recipe::new(setup, model).source_date_epoch(epoch_s).prior(prior).limits(limits);
-    let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
-    let work = Work { recipe: &recipe, threads, again: args.again };
-    let bar = Units::new(units.len());
-    let told = Mutex::new((console, InOrder::new(&units, args.json)));
-    let report = |done: Done| {
-        let (console, lines) = &mut *told.lock().unwrap_or_else(PoisonError::into_inner);
-        bar.one_more();
-        lines.take(done).into_iter().for_each(|line| bar.beside(|| console.say(line)));
-    };
-    let ran = fleet::calibrate(&units, &work, &args.output, &report);
-    drop(bar);
-    let (console, lines) = told.into_inner().unwrap_or_else(PoisonError::into_inner);
-    ran?;
-    let summary = lines.summary();
-    console.say(summary.words());
-    console.say(format!("wrote {}", args.output.join(TABLE).display()));
-    console.object(&summary)?;
-    Ok(if summary.is_good() { Outcome::Done } else { Outcome::SomeFailed })
+
+    fn run(&self, console: &mut Console) -> Ran {
+        Files::new().reads(&self.setup.setup).reads(&self.prior).check()?;
+        fleet::check_output(&self.output, &self.source)?;
+        let units = units_of(&self.source)?;
+        let setup = self.setup.over(Setup::default())?;
+        if setup.serial.is_some() {
+            return Err(Error::input("one serial number for all units")
+                .column("serial")
+                .help("take it out: each unit has its name, or the serial number of its own setup"));
+        }
+        let prior = self.prior.as_deref().map(PriorFile::read).transpose()?;
+        let limits = self.limits.as_deref().map(Limits::named_or_read).transpose()?;
+        let (model, epoch_s) = (self.model.parse()?, source_date_epoch()?);
+        let recipe = Recipe::new(setup, model).source_date_epoch(epoch_s).prior(prior).limits(limits);
+        let threads = self.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
+        let work = Work { recipe: &recipe, threads, again: self.again };
+        let bar = Units::new(units.len());
+        let told = Mutex::new((console, InOrder::new(&units, self.json)));
+        let report = |done: Done| {
+            let (console, lines) = &mut *told.lock().unwrap_or_else(PoisonError::into_inner);
+            bar.one_more();
+            lines.take(done).into_iter().for_each(|line| bar.beside(|| console.say(line)));
+        };
+        let ran = fleet::calibrate(&units, &work, &self.output, &report);
+        drop(bar);
+        let (console, lines) = told.into_inner().unwrap_or_else(PoisonError::into_inner);
+        ran?;
+        let summary = lines.summary();
+        console.say(summary.words());
+        console.say(format!("wrote {}", self.output.join(TABLE).display()));
+        console.object(&summary)?;
+        Ok(if summary.is_good() { Outcome::Done } else { Outcome::SomeFailed })
+    }
 }

@@ -13,6 +13,7 @@ use sagnac_sim::{Factory, LaggedChamber, Leg, Row, csv_bytes};
 use sagnac_units::format::counted;
 
 use crate::output::console::{Console, Outcome, Ran};
+use crate::verbs::verb::Verb;
 
 /// Simulate a factory: 200 units, what their tests say, and a shorter test for the next twenty
 ///
@@ -44,38 +45,42 @@ const ODD_SIGMAS: f64 = 8.0;
 const MODEL: &str = "bias 3, rate 0";
 const SETUP: &str = "arcsec_per_count = 0.15125\ninput_rate_dph = 4.498\nreference_c = 25.0\n";
 
-pub(super) fn run(args: &Args, console: &mut Console) -> Ran {
-    let folder = &args.output;
-    if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) {
-        return Err(Error::input("the folder is not empty").column("--output").value(folder.display().to_string()));
+impl Verb for Args {
+    fn run(&self, console: &mut Console) -> Ran {
+        let folder = &self.output;
+        if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) {
+            return Err(Error::input("the folder is not empty").column("--output").value(folder.display().to_string()));
+        }
+        let factory = Site { factory: Factory { seed: self.seed }, folder };
+        console.say(format!(
+            "{} units of three lots on three rigs, 13.6 h in the chamber each and as long a retest; the thermometer of rig west reads {OFF_C} °C high",
+            self.units
+        ));
+        factory.write("bench.toml", SETUP.as_bytes())?;
+        factory.units("units", 0..self.units, |_| Test::full())?;
+        let pattern = "units/{lot}/{rig}/{unit}/{use}-{run}.csv";
+        let more = ["--setup", "bench.toml", "--limits", "navigation-grade"];
+        let calibrate = [&["fleet", "calibrate", pattern, "--model", MODEL, "-o", "fleet"], &more[..]].concat();
+        factory.sagnac(console, &calibrate, true)?;
+        factory.sagnac(console, &["fleet", "report", "fleet", "--report", "fleet.html"], false)?;
+        let prior = ["fleet", "prior", "fleet", "--without-rig", RIGS[RIGS.len() - 1], "-o", "fleet.prior.json"];
+        factory.sagnac(console, &prior, false)?;
+        let plan =
+            ["plan", "--prior", "fleet.prior.json", "--lot", "A", "--limits", "navigation-grade", "--start", "20"];
+        let plan = [&plan[..], &["--block-lag", "20", "-o", "brief.csv"]].concat();
+        factory.sagnac(console, &plan, false)?;
+        let brief = Test::planned(
+            &fs::read_to_string(folder.join("brief.csv")).map_err(|e| Error::io_path(folder, "read", &e))?,
+        )?;
+        let next = self.units / 10;
+        console.say(format!("\n{next} more units of lot A with that test of {:.1} h; the last is odd", brief.hours()));
+        factory.next_units(self.units..self.units + next, &brief)?;
+        let pattern = pattern.replace("units/", "next/");
+        let calibrate = ["fleet", "calibrate", &pattern, "--prior", "fleet.prior.json", "-o", "next-fleet"];
+        factory.sagnac(console, &[&calibrate[..], &more].concat(), true)?;
+        console.say(format!("\nEverything is in {}; fleet.html is the report.", folder.display()));
+        Ok(Outcome::Done)
     }
-    let factory = Site { factory: Factory { seed: args.seed }, folder };
-    console.say(format!(
-        "{} units of three lots on three rigs, 13.6 h in the chamber each and as long a retest; the thermometer of rig west reads {OFF_C} °C high",
-        args.units
-    ));
-    factory.write("bench.toml", SETUP.as_bytes())?;
-    factory.units("units", 0..args.units, |_| Test::full())?;
-    let pattern = "units/{lot}/{rig}/{unit}/{use}-{run}.csv";
-    let more = ["--setup", "bench.toml", "--limits", "navigation-grade"];
-    let calibrate = [&["fleet", "calibrate", pattern, "--model", MODEL, "-o", "fleet"], &more[..]].concat();
-    factory.sagnac(console, &calibrate, true)?;
-    factory.sagnac(console, &["fleet", "report", "fleet", "--report", "fleet.html"], false)?;
-    let prior = ["fleet", "prior", "fleet", "--without-rig", RIGS[RIGS.len() - 1], "-o", "fleet.prior.json"];
-    factory.sagnac(console, &prior, false)?;
-    let plan = ["plan", "--prior", "fleet.prior.json", "--lot", "A", "--limits", "navigation-grade", "--start", "20"];
-    let plan = [&plan[..], &["--block-lag", "20", "-o", "brief.csv"]].concat();
-    factory.sagnac(console, &plan, false)?;
-    let brief =
-        Test::planned(&fs::read_to_string(folder.join("brief.csv")).map_err(|e| Error::io_path(folder, "read", &e))?)?;
-    let next = args.units / 10;
-    console.say(format!("\n{next} more units of lot A with that test of {:.1} h; the last is odd", brief.hours()));
-    factory.next_units(args.units..args.units + next, &brief)?;
-    let pattern = pattern.replace("units/", "next/");
-    let calibrate = ["fleet", "calibrate", &pattern, "--prior", "fleet.prior.json", "-o", "next-fleet"];
-    factory.sagnac(console, &[&calibrate[..], &more].concat(), true)?;
-    console.say(format!("\nEverything is in {}; fleet.html is the report.", folder.display()));
-    Ok(Outcome::Done)
 }
 
 /// A thermal test: start and legs of the chamber.

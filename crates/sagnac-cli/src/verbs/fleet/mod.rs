@@ -6,6 +6,7 @@ mod prior;
 mod report;
 
 use crate::output::console::{Console, Ran};
+use crate::verbs::verb::Verb;
 
 /// Calibrate a factory's gyros, and learn from them what the next one is like
 #[derive(clap::Args)]
@@ -23,20 +24,22 @@ enum Command {
 }
 
 impl Args {
-    pub(crate) fn is_json(&self) -> bool {
+    fn verb(&self) -> &dyn Verb {
         match &self.command {
-            Command::Calibrate(args) => args.json,
-            Command::Prior(args) => args.json,
-            Command::Report(_) | Command::Demo(_) => false,
+            Command::Calibrate(args) => args.as_ref(),
+            Command::Prior(args) => args,
+            Command::Report(args) => args,
+            Command::Demo(args) => args,
         }
     }
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    match &args.command {
-        Command::Calibrate(args) => calibrate::run(args, console),
-        Command::Prior(args) => prior::run(args, console),
-        Command::Report(args) => report::run(args, console),
-        Command::Demo(args) => demo::run(args, console),
+impl Verb for Args {
+    fn json(&self) -> bool {
+        self.verb().json()
+    }
+
+    fn run(&self, console: &mut Console) -> Ran {
+        self.verb().run(console)
     }
 }

@@ -10,6 +10,7 @@ use sagnac_units::format::{celsius, counted, significant, unit};
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table;
+use crate::verbs::verb::Verb;
 
 /// Learn from a fleet how the next unit's coefficients are expected to be
 ///
@@ -35,29 +36,35 @@ pub(crate) struct Args {
     without_rig: Vec<String>,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
-    pub(super) json: bool,
+    json: bool,
 }
 
-pub(super) fn run(args: &Args, console: &mut Console) -> Ran {
-    let (folders, files): (Vec<&PathBuf>, Vec<&PathBuf>) = args.fleets.iter().partition(|fleet| fleet.is_dir());
-    let parts = folders.into_iter().flat_map(|folder| parts_of(folder));
-    Files::new().reads(files).reads_all_in(parts).writes(&args.output).check()?;
-    let mut all: Option<Prior> = None;
-    for fleet in &args.fleets {
-        let one = of(fleet, args)?;
-        all = Some(match all {
-            Some(all) => all.merged(one).map_err(|e| e.file(fleet.display().to_string()))?,
-            None => one,
-        });
+impl Verb for Args {
+    fn json(&self) -> bool {
+        self.json
     }
-    let prior = all.ok_or_else(|| Error::input("no fleet"))?;
-    console.say(described(&prior));
-    if let Some(path) = &args.output {
-        write_bytes(path, prior.to_json()?.as_bytes())?;
-        console.say(format!("wrote {}", path.display()));
+
+    fn run(&self, console: &mut Console) -> Ran {
+        let (folders, files): (Vec<&PathBuf>, Vec<&PathBuf>) = self.fleets.iter().partition(|fleet| fleet.is_dir());
+        let parts = folders.into_iter().flat_map(|folder| parts_of(folder));
+        Files::new().reads(files).reads_all_in(parts).writes(&self.output).check()?;
+        let mut all: Option<Prior> = None;
+        for fleet in &self.fleets {
+            let one = of(fleet, self)?;
+            all = Some(match all {
+                Some(all) => all.merged(one).map_err(|e| e.file(fleet.display().to_string()))?,
+                None => one,
+            });
+        }
+        let prior = all.ok_or_else(|| Error::input("no fleet"))?;
+        console.say(described(&prior));
+        if let Some(path) = &self.output {
+            write_bytes(path, prior.to_json()?.as_bytes())?;
+            console.say(format!("wrote {}", path.display()));
+        }
+        console.object(&prior)?;
+        Ok(Outcome::Done)
     }
-    console.object(&prior)?;
-    Ok(Outcome::Done)
 }
 
 fn of(fleet: &Path, args: &Args) -> Result<Prior> {

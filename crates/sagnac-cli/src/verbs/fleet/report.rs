@@ -9,6 +9,7 @@ use sagnac_units::format::{significant, unit, with_sigma};
 use crate::args::report::ReportArgs;
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
+use crate::verbs::verb::Verb;
 
 /// Show a fleet's yield, control charts, odd units, rigs and tight limits
 #[derive(clap::Args)]
@@ -25,19 +26,21 @@ pub(crate) struct Args {
 /// Times from this on are dates, s since 1970: no test lasts three years.
 const DATES_FROM_S: f64 = 1e8;
 
-pub(super) fn run(args: &Args, console: &mut Console) -> Ran {
-    args.report.check_with(Files::new().reads_all_in(parts_of(&args.fleet)))?;
-    let mut results = results_in(&args.fleet)?;
-    let has_date = |result: &UnitResult| result.time_s.is_none_or(|time_s| time_s >= DATES_FROM_S);
-    let dated = results.iter().any(|result| result.time_s.is_some()) && results.iter().all(has_date);
-    if dated {
-        results.sort_by(|a, b| a.time_s.unwrap_or(0.0).total_cmp(&b.time_s.unwrap_or(0.0)));
+impl Verb for Args {
+    fn run(&self, console: &mut Console) -> Ran {
+        self.report.check_with(Files::new().reads_all_in(parts_of(&self.fleet)))?;
+        let mut results = results_in(&self.fleet)?;
+        let has_date = |result: &UnitResult| result.time_s.is_none_or(|time_s| time_s >= DATES_FROM_S);
+        let dated = results.iter().any(|result| result.time_s.is_some()) && results.iter().all(has_date);
+        if dated {
+            results.sort_by(|a, b| a.time_s.unwrap_or(0.0).total_cmp(&b.time_s.unwrap_or(0.0)));
+        }
+        let quality = Quality::of(&results);
+        describe(console, &quality);
+        let order = if dated { "the times of their logs" } else { "the names of the units: the logs have no dates" };
+        self.report.write(console, || fleet_report(&quality, &results, order))?;
+        Ok(Outcome::Done)
     }
-    let quality = Quality::of(&results);
-    describe(console, &quality);
-    let order = if dated { "the times of their logs" } else { "the names of the units: the logs have no dates" };
-    args.report.write(console, || fleet_report(&quality, &results, order))?;
-    Ok(Outcome::Done)
 }
 
 fn describe(console: &mut Console, quality: &Quality) {

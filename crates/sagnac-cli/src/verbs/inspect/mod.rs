@@ -15,6 +15,7 @@ use crate::files::Files;
 use crate::files::loading::{self, Kind};
 use crate::output::calibration::describe;
 use crate::output::console::{Console, Outcome, Ran};
+use crate::verbs::verb::Verb;
 
 /// Say what a file is, and of a log what it is good for
 ///
@@ -26,43 +27,54 @@ Example:
 pub(crate) struct Args {
     /// Any file; several logs, a folder or a pattern of them are surveyed together
     #[arg(required = true, value_name = "FILE")]
-    pub(crate) files: Vec<PathBuf>,
+    files: Vec<PathBuf>,
     #[command(flatten)]
     report: ReportArgs,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
-    pub(crate) json: bool,
+    json: bool,
     #[command(flatten)]
     reading: LogArgs,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    args.report.check_with(Files::new().reads(&args.files).reads(&args.reading.setup.setup))?;
-    let [file] = args.files.as_slice() else {
-        log::several(&args.files, &args.reading, &args.report, console)?;
-        return Ok(Outcome::Done);
-    };
-    let kind = loading::kind_of(file)?;
-    if args.report.is_asked() && !matches!(kind, Kind::Log | Kind::WindowTable) {
-        return Err(Error::input("a report is made of a log or window table").file(file.display().to_string()));
+impl Verb for Args {
+    fn json(&self) -> bool {
+        self.json
     }
-    match kind {
-        Kind::Image => image::image(file, console)?,
-        Kind::Calibration => match results::json(file, console)? {
-            true => {}
-            false => {
-                let calibration: Calibration = loading::calibration(file)?;
-                console.say(format!("a calibration of {} by {}", calibration.serial, calibration.provenance.program));
-                calibration.axes.iter().for_each(|axis| describe(console, axis));
-                console.object(&calibration)?;
-            }
-        },
-        Kind::WindowTable => log::window_table(file, &args.reading, &args.report, console)?,
-        Kind::Log => {
-            if !results::recognised(file, console)? {
-                log::log(file, &args.reading, &args.report, console)?;
+
+    fn logs(&mut self) -> Option<&mut Vec<PathBuf>> {
+        Some(&mut self.files)
+    }
+
+    fn run(&self, console: &mut Console) -> Ran {
+        self.report.check_with(Files::new().reads(&self.files).reads(&self.reading.setup.setup))?;
+        let [file] = self.files.as_slice() else {
+            log::several(&self.files, &self.reading, &self.report, console)?;
+            return Ok(Outcome::Done);
+        };
+        let kind = loading::kind_of(file)?;
+        if self.report.is_asked() && !matches!(kind, Kind::Log | Kind::WindowTable) {
+            return Err(Error::input("a report is made of a log or window table").file(file.display().to_string()));
+        }
+        match kind {
+            Kind::Image => image::image(file, console)?,
+            Kind::Calibration => match results::json(file, console)? {
+                true => {}
+                false => {
+                    let calibration: Calibration = loading::calibration(file)?;
+                    console
+                        .say(format!("a calibration of {} by {}", calibration.serial, calibration.provenance.program));
+                    calibration.axes.iter().for_each(|axis| describe(console, axis));
+                    console.object(&calibration)?;
+                }
+            },
+            Kind::WindowTable => log::window_table(file, &self.reading, &self.report, console)?,
+            Kind::Log => {
+                if !results::recognised(file, console)? {
+                    log::log(file, &self.reading, &self.report, console)?;
+                }
             }
         }
+        Ok(Outcome::Done)
     }
-    Ok(Outcome::Done)
 }

@@ -13,6 +13,7 @@ use sagnac_log::write::write_bytes;
 use crate::args::signature::private_key;
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
+use crate::verbs::verb::Verb;
 
 /// Write one message to a gyro's serial line: confirm, roll back, or open its service mode
 #[derive(clap::Args)]
@@ -54,27 +55,29 @@ enum What {
     },
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    let message = match &args.message {
-        What::Confirm => Message::Confirm,
-        What::RollBack => Message::RollBack,
-        What::Service => Message::Service,
-        What::Answer { challenge, key, serial, axis } => {
-            Files::new().reads([key]).writes([&args.output]).check()?;
-            Message::Answer(answer(key, serial, *axis, challenge)?)
+impl Verb for Args {
+    fn run(&self, console: &mut Console) -> Ran {
+        let message = match &self.message {
+            What::Confirm => Message::Confirm,
+            What::RollBack => Message::RollBack,
+            What::Service => Message::Service,
+            What::Answer { challenge, key, serial, axis } => {
+                Files::new().reads([key]).writes([&self.output]).check()?;
+                Message::Answer(answer(key, serial, *axis, challenge)?)
+            }
+        };
+        let bytes = frame_bytes(&message)?;
+        if self.output.as_os_str() == "-" {
+            use std::io::Write as _;
+            let mut out = std::io::stdout();
+            // Nothing may stay in a buffer whose error nobody sees.
+            out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| Error::io("standard output", "write", &e))?;
+        } else {
+            write_bytes(&self.output, &bytes)?;
+            console.say(format!("wrote {}: {} bytes", self.output.display(), bytes.len()));
         }
-    };
-    let bytes = frame_bytes(&message)?;
-    if args.output.as_os_str() == "-" {
-        use std::io::Write as _;
-        let mut out = std::io::stdout();
-        // Nothing may stay in a buffer whose error nobody sees.
-        out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| Error::io("standard output", "write", &e))?;
-    } else {
-        write_bytes(&args.output, &bytes)?;
-        console.say(format!("wrote {}: {} bytes", args.output.display(), bytes.len()));
+        Ok(Outcome::Done)
     }
-    Ok(Outcome::Done)
 }
 
 /// A message as bytes of the line.

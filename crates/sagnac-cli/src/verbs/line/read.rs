@@ -15,6 +15,7 @@ use sagnac_log::write::write_atomically;
 use crate::files::pipe::PipeAware;
 use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
+use crate::verbs::verb::Verb;
 
 const HEADER: &str =
     "sequence,tick,time_s,counts,raw,status,path_length,intensity,actuator,current,thermometer_code,lost_steps,image\n";
@@ -54,28 +55,29 @@ struct Tally {
 /// Largest number of answers that are listed one by one.
 const MOST_ANSWERS: usize = 100;
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    if !(args.tick_us > 0.0 && args.tick_us <= 1e6) {
-        return Err(Error::input("must be above 0 and at most a million")
-            .column("--tick-us")
-            .value(args.tick_us.to_string()));
-    }
-    Files::new().reads([&args.input]).writes(&args.output).check()?;
-    args.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV"))?;
-    let mut tally = Tally::default();
-    match &args.output {
-        Some(path) => {
-            write_atomically(path, |out| pour(args, &mut tally, out)).map_err(|e| e.file(path.display().to_string()))?
+impl Verb for Args {
+    fn run(&self, console: &mut Console) -> Ran {
+        if !(self.tick_us > 0.0 && self.tick_us <= 1e6) {
+            return Err(Error::input("must be above 0 and at most a million")
+                .column("--tick-us")
+                .value(self.tick_us.to_string()));
         }
-        None => {
-            let mut out = PipeAware::new(std::io::stdout());
-            let poured = pour(args, &mut tally, &mut out);
-            if !out.closed() {
-                poured?;
+        Files::new().reads([&self.input]).writes(&self.output).check()?;
+        self.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV"))?;
+        let mut tally = Tally::default();
+        match &self.output {
+            Some(path) => write_atomically(path, |out| pour(self, &mut tally, out))
+                .map_err(|e| e.file(path.display().to_string()))?,
+            None => {
+                let mut out = PipeAware::new(std::io::stdout());
+                let poured = pour(self, &mut tally, &mut out);
+                if !out.closed() {
+                    poured?;
+                }
             }
         }
+        report(&tally, console)
     }
-    report(&tally, console)
 }
 
 fn report(tally: &Tally, console: &mut Console) -> Ran {

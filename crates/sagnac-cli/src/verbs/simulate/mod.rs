@@ -24,6 +24,7 @@ use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::SimulatedTime;
 use crate::output::terminal::table;
 use crate::verbs::simulate::charts::Recorder;
+use crate::verbs::verb::Verb;
 
 /// Simulate a ring laser gyro on its thermal test
 #[derive(clap::Args)]
@@ -55,34 +56,36 @@ pub(crate) struct Args {
     fault: Vec<String>,
 }
 
-pub(crate) fn run(args: &Args, console: &mut Console) -> Ran {
-    check_files(args)?;
-    let scenario = scenario(args)?;
-    if args.bode {
-        return bode(args, &scenario, console);
+impl Verb for Args {
+    fn run(&self, console: &mut Console) -> Ran {
+        check_files(self)?;
+        let scenario = scenario(self)?;
+        if self.bode {
+            return bode(self, &scenario, console);
+        }
+        let outputs = [&self.output, &self.truth];
+        let seed = self.seed.unwrap_or(scenario.seed);
+        let mut recorder = self.report.is_asked().then(|| Recorder::new(&scenario));
+        let mut rows = 0;
+        let mut to = |path: Option<&Path>, out: &mut (dyn Write + Send)| {
+            rows = pour_with_truth(&scenario, seed, path, out, self.truth.as_deref(), &mut recorder)?;
+            Ok(())
+        };
+        match &self.output {
+            Some(path) => write_atomically(path, |out| to(Some(path), out))?,
+            None if self.truth.is_none() && !self.report.is_asked() => return to_stdout(&scenario, seed),
+            // With a truth or a report only, no log goes to the terminal.
+            None => to(None, &mut std::io::sink())?,
+        }
+        describe(&scenario, seed, rows, console);
+        for path in outputs.into_iter().flatten() {
+            console.say(format!("wrote {}", path.display()));
+        }
+        if let Some(recorder) = recorder {
+            self.report.write(console, || chart_report(&recorder.page(seed)))?;
+        }
+        Ok(Outcome::Done)
     }
-    let outputs = [&args.output, &args.truth];
-    let seed = args.seed.unwrap_or(scenario.seed);
-    let mut recorder = args.report.is_asked().then(|| Recorder::new(&scenario));
-    let mut rows = 0;
-    let mut to = |path: Option<&Path>, out: &mut (dyn Write + Send)| {
-        rows = pour_with_truth(&scenario, seed, path, out, args.truth.as_deref(), &mut recorder)?;
-        Ok(())
-    };
-    match &args.output {
-        Some(path) => write_atomically(path, |out| to(Some(path), out))?,
-        None if args.truth.is_none() && !args.report.is_asked() => return to_stdout(&scenario, seed),
-        // With a truth or a report only, no log goes to the terminal.
-        None => to(None, &mut std::io::sink())?,
-    }
-    describe(&scenario, seed, rows, console);
-    for path in outputs.into_iter().flatten() {
-        console.say(format!("wrote {}", path.display()));
-    }
-    if let Some(recorder) = recorder {
-        args.report.write(console, || chart_report(&recorder.page(seed)))?;
-    }
-    Ok(Outcome::Done)
 }
 
 /// Files out are what their names say, apart from each other and from the scenario, and can be written.
