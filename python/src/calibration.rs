@@ -12,10 +12,9 @@ use sagnac::export::{encode, image_bytes};
 use sagnac::fit::{FitOptions, calibrate_with_report_data};
 use sagnac::fleet::PriorFile;
 use sagnac::verify::{Compensated, Correction, Replay, VerifyOptions, status_text, verify};
-use sagnac::window::{WindowBuilder, Windows, read_table};
+use sagnac::window::{WindowBuilder, Windows};
 use sagnac::{Error, Result, Setup};
 use sagnac_core::{Image, Status};
-use sagnac_log::MemoryBudget;
 use sagnac_log::ingest::{AngleUnit, LogShape, ReadMode, sha256};
 use sagnac_log::write::write_bytes;
 use sagnac_ports::c_files;
@@ -83,30 +82,12 @@ pub(crate) fn calibrate(
     let sources = Sources::of(py, runs)?;
     away(py, move |stop| {
         let options = asked.options()?.progress(stop.progress(progress));
-        let (windows, setup) = match sources.window_table()? {
-            Some(path) => of_table(path, &setup, asked.keep_outliers)?,
-            None => {
-                let setup = settings::setup(Setup::default(), setup.0.as_deref(), &setup.1)?;
-                let builder = WindowBuilder::read_all(sources.logs(&setup, ReadMode::Bulk, stop)?, &setup)?;
-                let builder = if asked.keep_outliers { builder.keep_outliers() } else { builder };
-                (builder.finish(), setup)
-            }
-        };
+        let setup = settings::setup(Setup::default(), setup.0.as_deref(), &setup.1)?;
+        let builder = WindowBuilder::read_all(sources.logs(&setup, ReadMode::Bulk, stop)?, &setup)?;
+        let windows = if asked.keep_outliers { builder.keep_outliers() } else { builder }.finish();
         let (record, report_data) = calibrate_with_report_data(windows.clone(), &setup, &options)?;
         Ok(Calibration { record: Arc::new(record), behind: Some(Arc::new((windows, report_data))) })
     })
-}
-
-/// A file of windows; the settings that made them cannot be changed any more.
-fn of_table(path: &Path, (file, keys): &(Option<String>, String), keep_outliers: bool) -> Result<(Windows, Setup)> {
-    let (windows, made_with) = read_table(path, MemoryBudget::default())?;
-    let setup = settings::setup(made_with.clone(), file.as_deref(), keys)?;
-    if !setup.makes_the_windows_of(&made_with) || keep_outliers {
-        return Err(Error::input("the setup would change how the windows of this table were made")
-            .file(path.display().to_string())
-            .help("make the table anew with `sagnac window`, or leave that to what it was made with"));
-    }
-    Ok((windows, setup))
 }
 
 /// A record's text.

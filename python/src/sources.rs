@@ -10,7 +10,6 @@ use arrow_pyarrow::FromPyArrow;
 use arrow_schema::{ArrowError, SchemaRef};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use sagnac::window::is_table;
 use sagnac::{Error, Result, Setup};
 use sagnac_core::MAGIC;
 use sagnac_log::ingest::{LogReader, Logs, MemoryTable, ReadMode};
@@ -41,17 +40,6 @@ impl Sources {
     /// True where every run is a file.
     pub(crate) fn are_files(&self) -> bool {
         self.0.iter().all(|source| matches!(source, Source::Path(_)))
-    }
-
-    /// The file of windows that is the only run, if it is one.
-    ///
-    /// # Errors
-    /// A file that cannot be opened.
-    pub(crate) fn window_table(&self) -> Result<Option<&Path>> {
-        match self.0.as_slice() {
-            [Source::Path(path)] if begins_with(path, b"PAR1") && is_table(path)? => Ok(Some(path)),
-            _ => Ok(None),
-        }
     }
 
     /// Each opened when the one before is read.

@@ -47,12 +47,10 @@ def test_keys_are_those_of_a_setup_file(program: Program) -> None:
     assert found.to_json().encode() == program("calibrate", *RUNS, *words, "bias 2", "--json")
 
 
-def test_a_table_of_windows_is_calibrated(program: Program, tmp_path: Path) -> None:
-    program("window", *RUNS, "--setup", "bench.toml", "-o", tmp_path / "windows.parquet")
-    wanted = program("calibrate", tmp_path / "windows.parquet", "--model", MODEL, "--json")
-    assert sagnac.calibrate(tmp_path / "windows.parquet", model=MODEL).to_json().encode() == wanted
-    with pytest.raises(sagnac.InputError, match="change how the windows"):
-        sagnac.calibrate(tmp_path / "windows.parquet", window=50.0)
+def test_a_table_of_windows_is_no_log(program: Program, tmp_path: Path) -> None:
+    program("inspect", *RUNS, "--setup", "bench.toml", "--windows", tmp_path / "windows.parquet")
+    with pytest.raises(sagnac.InputError, match="a table of windows, not a log"):
+        sagnac.calibrate(tmp_path / "windows.parquet", model=MODEL)
 
 
 def test_results_are_no_logs(unit: sagnac.Calibration, tmp_path: Path) -> None:

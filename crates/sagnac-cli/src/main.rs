@@ -19,7 +19,7 @@ use sagnac_units::format::printable;
 use crate::files::interrupt;
 use crate::files::log_paths::expanded;
 use crate::output::console::{self, Console, Outcome};
-use crate::verbs::{Verbs, manual};
+use crate::verbs::{Verbs, manual, old};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -98,6 +98,10 @@ fn begin() -> ExitCode {
 /// Help, the version, or what is wrong with the arguments. Text that cannot be written is an error, and an argument does not control the
 /// terminal.
 fn arguments_said(said: &clap::Error) -> ExitCode {
+    let words: Vec<String> = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
+    if let Some(error) = old::answer(&words) {
+        return Console::new(false).complain(&error);
+    }
     let plain = said.render().to_string();
     let written = match printable(&plain) {
         std::borrow::Cow::Borrowed(_) => said.print().and_then(|()| std::io::stdout().flush()),

@@ -156,7 +156,7 @@ fn a_failure_leaves_old_outputs_alone() {
     assert_eq!(run(&["calibrate", &still, "--arcsec-per-count", "1", "-o", &old]).status, 3);
     let broken = bench.write("broken.csv", "time_s,temperature_c,counts\n1,20,1\n2,20,1\n3,20,0.5\n");
     assert_eq!(run(&["compensate", &bench.path("unit.cal.json"), &broken, "--axis", "z", "-o", &old]).status, 2);
-    assert_eq!(run(&["window", &broken, "--arcsec-per-count", "1", "-o", &old]).status, 2);
+    assert_eq!(run(&["inspect", &broken, "--arcsec-per-count", "1", "--windows", &old]).status, 2);
     assert_eq!(run(&["export", &still, "--to", "image", "-o", &old]).status, 2);
     assert_eq!(fs::read_to_string(&old).unwrap(), "the old file");
     let names: Vec<String> =
@@ -273,23 +273,44 @@ fn a_closed_pipe_ends_quietly() {
     assert!(output.status.success() && output.stderr.is_empty(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
+/// Windows are written to look at; as a log they are refused, with the command to use.
 #[test]
-fn window_tables_are_written_inspected_and_calibrated() {
+fn windows_are_written_to_look_at() {
     let bench = Bench::new();
     let (one, two, setup) =
         (testdata("chamber/cycle-1.csv.gz"), testdata("chamber/cycle-2.csv.gz"), testdata("chamber/bench.toml"));
-    let table = bench.path("w.parquet");
-    assert_eq!(run(&["window", &one, &two, "--setup", &setup, "-o", &table]).status, 0);
-    let (status, object) = json(&["inspect", &table, "--json"]);
-    assert_eq!((status, &object["kind"], &object["windows"]), (0, &Value::from("window table"), &Value::from(792)));
-    let again = bench.path("again.cal.json");
-    // The table knows how it was made; the calibration can be verified as it is.
-    assert_eq!(run(&["calibrate", &table, "-o", &again]).status, 0);
-    assert_eq!(fs::read(&again).unwrap(), fs::read(bench.path("unit.cal.json")).unwrap());
-    assert_eq!(run(&["verify", &again, &testdata("chamber/cycle-3.csv.gz")]).status, 0);
-    for flags in [&["--window", "50"][..], &["--keep-outliers"], &["--arcsec-per-count", "1"]] {
-        let ran = run(&[&["calibrate", &table], flags].concat());
-        assert!(ran.status == 2 && ran.err.contains("make the table anew"), "{flags:?}: {}", ran.err);
+    let head = "run,start_ns,end_ns,duration_ns,samples,first_line,reference_dps,excluded,angle_z,mean_c_,variance_c2_,min_c_,max_c_";
+    for name in ["w.csv", "w.parquet"] {
+        let table = bench.path(name);
+        let ran = run(&["inspect", &one, &two, "--setup", &setup, "--windows", &table]);
+        assert!(ran.status == 0 && ran.out.contains(&format!("wrote {table}")), "{}", ran.err);
+        let again = run(&["inspect", &table]);
+        assert!(again.status == 0 && again.out.contains("windows of a log, to look at"), "{}{}", again.out, again.err);
+        for args in [vec!["calibrate", &table], vec!["inspect", &table, &one], vec!["calibrate", &one, &table]] {
+            let ran = run(&[&args[..], &["--setup", &setup]].concat());
+            let remedy = "sagnac calibrate LOG.csv -o unit.cal.json";
+            assert!(ran.status == 2 && ran.err.contains("not a log") && ran.err.contains(remedy), "{}", ran.err);
+        }
+    }
+    let text = fs::read_to_string(bench.path("w.csv")).unwrap();
+    let lines: Vec<&str> = text.lines().collect();
+    assert_eq!((lines.len(), lines[0]), (793, head));
+    assert_eq!(lines[1], "0,0,100000000000,100000000000,20,2,,,2968,-40,0,-40,-40");
+    let ran = run(&["inspect", &bench.path("unit.cal.json"), "--windows", &bench.path("no.csv")]);
+    assert!(ran.status == 2 && ran.err.contains("made of a log"), "{}", ran.err);
+}
+
+/// An old command is answered with the one that does the same now, and nothing is done.
+#[test]
+fn old_verbs_say_what_they_are_now() {
+    for (old, now) in [
+        (vec!["window", "a b.csv", "c.csv", "-o", "w.csv"], "sagnac inspect 'a b.csv' c.csv --windows w.csv"),
+        (vec!["window", "a.csv", "--output=w.csv"], "sagnac inspect a.csv --windows=w.csv"),
+    ] {
+        let ran = run(&old);
+        assert_eq!((ran.status, ran.out.as_str()), (2, ""), "{old:?}");
+        let said = format!("error: `{}` is no command any more\n  help: {now}\n", old[0]);
+        assert_eq!(ran.err, said, "{old:?}");
     }
 }
 
@@ -375,7 +396,7 @@ fn counts_of_a_standing_vehicle_are_described_and_have_no_random_walk() {
 fn completions_and_man_pages_know_every_command() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish", "man"] {
         let text = String::from_utf8(sagnac().args(["manual", shell]).output().unwrap().stdout).unwrap();
-        for word in ["calibrate", "verify", "compensate", "window", "inspect", "export", "import", "demo"] {
+        for word in ["calibrate", "verify", "compensate", "inspect", "export", "import", "demo"] {
             assert!(text.contains(word), "{shell} does not know {word}");
         }
     }
@@ -427,8 +448,8 @@ fn every_file_that_is_written_is_recognised() {
     saved("compared.json", &["compare", &record, &record, "--json"]);
     saved("points.json", &["evaluate", &record, "--at", "20", "--json"]);
     saved("inspected.json", &["inspect", &log, "--setup", &setup, "--json", "--report", &path("log.html")]);
-    saved("-", &["window", &log, "--setup", &setup, "-o", &path("windows.parquet")]);
-    saved("-", &["window", &log, "--setup", &setup, "-o", &path("windows.csv")]);
+    saved("-", &["inspect", &log, "--setup", &setup, "--windows", &path("windows.parquet")]);
+    saved("-", &["inspect", &log, "--setup", &setup, "--windows", &path("windows.csv")]);
     saved("-", &["compensate", &record, &log, "-o", &path("corrected.csv")]);
     saved("-", &["compensate", &record, &log, "-o", &path("corrected.parquet")]);
     saved("-", &["export", &record, "--to", "image", "-o", &path("unit.img")]);
@@ -449,8 +470,8 @@ fn every_file_that_is_written_is_recognised() {
         ("points.json", "a correction evaluated"),
         ("inspected.json", "what `sagnac inspect` said of a log"),
         ("log.html", "a report: "),
-        ("windows.parquet", "a window table"),
-        ("windows.csv", "windows as text"),
+        ("windows.parquet", "windows of a log"),
+        ("windows.csv", "windows of a log"),
         ("corrected.csv", "a compensated log (serial RLG-0001"),
         ("corrected.parquet", "a compensated log"),
         ("unit.img", "an image for axis z"),

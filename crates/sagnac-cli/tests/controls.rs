@@ -210,7 +210,7 @@ fn the_marks_of_other_systems() {
     it.write("bom.toml", "\u{feff}serial = \"RLG-7\"\narcsec_per_count = 0.15125\n");
     assert_eq!(it.run(&["inspect", "bom.cal.json"]).1, it.run(&["inspect", "unit.cal.json"]).1);
     assert_eq!(it.run(&["inspect", "log.csv", "--setup", "bom.toml"]).0, 0);
-    assert_eq!(it.run(&["window", "log.csv", "--setup", "bom.toml", "-o", "w.parquet"]).0, 0);
+    assert_eq!(it.run(&["inspect", "log.csv", "--setup", "bom.toml", "--windows", "w.parquet"]).0, 0);
     let log = fs::read_to_string(it.path("log.csv")).unwrap();
     it.write("mac.csv", &log.replace('\n', "\r"));
     let (status, _, said) = it.run(&["inspect", "mac.csv", "--arcsec-per-count", "1"]);

@@ -220,7 +220,7 @@ fn outputs_are_tried_before_the_work() {
         "verify unit.cal.json rubbish.csv --report nowhere/proof.html",
         "compare rubbish.csv rubbish.csv --report nowhere/change.html",
         "compensate rubbish.csv rubbish.csv -o nowhere/out.csv",
-        "window rubbish.csv -o nowhere/w.parquet",
+        "inspect rubbish.csv --windows nowhere/w.parquet",
         "allan rubbish.csv -o nowhere/curve.csv",
         "inspect rubbish.csv --report nowhere/log.html",
         "simulate rubbish.csv -o nowhere/log.csv",

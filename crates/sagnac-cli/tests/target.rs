@@ -194,7 +194,7 @@ fn inputs_stay_as_they_are() {
     let bench = root().join("testdata/chamber/bench.toml");
     for (file, args) in [
         (&cycle, vec!["calibrate", text(&cycle), "--setup", text(&bench), "-o", text(&cycle)]),
-        (&cycle, vec!["window", text(&cycle), "--setup", text(&bench), "-o", text(&cycle)]),
+        (&cycle, vec!["inspect", text(&cycle), "--setup", text(&bench), "--windows", text(&cycle)]),
         (&image, vec!["export", text(&image), "--to", "upload", "-o", text(&image)]),
         (&line, vec!["frames", text(&line), "-o", text(&line)]),
     ] {

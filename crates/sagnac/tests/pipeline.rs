@@ -1,9 +1,8 @@
-//! The whole path from log to correction with simulated logs: windows as a table, replay, refusals of the fit.
+//! The whole path from log to correction with simulated logs: replay, refusals of the fit.
 
-use crate::support::{fit, model, paper_setup, reader, retest, windows};
+use crate::support::{fit, paper_setup, reader, retest, windows};
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::verify::{CorrectedFormat, Correction, Limits, VerifyOptions, compensate, verify};
-use sagnac::window::{read_table, write_table};
 use sagnac::{ErrorKind, calibration::Calibration};
 use sagnac_log::ingest::{LogReader, ReadMode, Reason};
 use sagnac_log::setup::{Noise, Setup};
@@ -21,25 +20,6 @@ fn refusal(logs: Vec<Vec<u8>>, setup: &Setup, text: &str) -> String {
     let error = fit(logs, setup, text).unwrap_err();
     assert_eq!(error.kind, ErrorKind::Refused, "{error}");
     error.to_string()
-}
-
-#[test]
-fn a_window_table_gives_the_same_calibration_as_its_logs() {
-    let setup = chamber_setup();
-    let logs = || vec![csv_bytes(chamber_rig().run(1)), csv_bytes(chamber_rig().run(2))];
-    let options = FitOptions::new(model("auto"));
-    let direct = calibrate(windows(logs(), &setup), &setup, &options).unwrap();
-    let path = std::env::temp_dir().join(format!("sagnac-pipeline-{}.parquet", std::process::id()));
-    let mut bytes = Vec::new();
-    write_table(&windows(logs(), &setup), &setup, &mut bytes).unwrap();
-    std::fs::write(&path, &bytes).unwrap();
-    let (table, made_with) = read_table(&path, sagnac_log::MemoryBudget::default()).unwrap();
-    let through = calibrate(table, &made_with, &options).unwrap();
-    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    let torn = read_table(&path, sagnac_log::MemoryBudget::default()).unwrap_err();
-    std::fs::remove_file(&path).unwrap();
-    assert_eq!(direct.to_json().unwrap(), through.to_json().unwrap());
-    assert_eq!(torn.kind, ErrorKind::Input);
 }
 
 #[test]

@@ -64,7 +64,7 @@ The targets are missed. Of some 0.7 s of processor time on two cores a quarter g
 fields; a sixth to SHA-256; an eighth to the kernel, most of it copies of the file; a quarter to checks, the sketch of the rows, sums and
 short-τ deviations; a fifth to the fit with its noise and nuisance models, which the others do not do. Even times and repeated temperatures
 are recognised by their text, without reading digits; fields are read column by column; stretches without faults are not copied; windows are
-summed on another thread than rows are checked. SHA-256 of the file and a fit of its window table alone take 0.16 s and 0.2 s of
+summed on another thread than rows are checked. SHA-256 of the file and a fit of its windows alone take 0.16 s and 0.2 s of
 processor time. The other programs vary by two between runs: page faults of 1.6 to 1.9 GB. Three runs of this section one after the other gave
 7.1, 6.1, 8.6, then 6.1, 7.4, 8.3, then 5.9, 6.4, 8.5 times (pandas, polars, duckdb); one on the same day before fields were read by column
 3.8, 4.8, 4.1 times.
@@ -279,14 +279,14 @@ impl Bench {
         let record = self.file("unit.cal.json").display().to_string();
         let words = |command: &[&str]| -> Vec<String> { command.iter().map(|word| (*word).to_owned()).collect() };
         let table = self.file("w.parquet").display().to_string();
-        let flags = ["--arcsec-per-count", logs::ARCSEC_PER_COUNT, "-o", &table];
+        let flags = ["--arcsec-per-count", logs::ARCSEC_PER_COUNT, "--windows", &table];
         let verify = median_cost(&words(&[&self.sagnac, "verify", &record, &log_text]))?;
-        let window = median_cost(&words(&[&[self.sagnac.as_str(), "window", &log_text][..], &flags].concat()))?;
+        let window = median_cost(&words(&[&[self.sagnac.as_str(), "inspect", &log_text][..], &flags].concat()))?;
         let bytes = median_cost(&words(&["sha256sum", &log_text]))?;
         *page += "\n## A retest of 24 hours\n\nA log at 100 Hz, replayed end to end at the tick of 100 µs, compared with only reading it.\n\n";
         *page += "| | median, s | peak, MiB |\n|---|---|---|\n";
         line(page, "`sagnac verify`: read, check, 864 million ticks, figures", &verify);
-        line(page, "`sagnac window`: read, check, sum", &window);
+        line(page, "`sagnac inspect --windows`: read, check, sum, survey", &window);
         line(page, "`sha256sum` of the file", &bytes);
         Ok(())
     }

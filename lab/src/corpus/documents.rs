@@ -1,4 +1,4 @@
-//! Broken documents: scenarios, setups, limits, records, images and window tables.
+//! Broken documents: scenarios, setups, limits, records and images.
 
 use anyhow::{Result, ensure};
 
@@ -67,7 +67,6 @@ pub(super) fn setups(by: &Good) -> Vec<Case> {
 pub(super) fn records(by: &Good) -> Result<Vec<Case>> {
     let (good_record, good_image) = (by.record.clone(), by.image.clone());
     let good_record_too = good_record.clone();
-    let table = by.window_table();
     let json = |name: &'static str, text: String| {
         case(name, "export unit.cal.json --to image -o out.json").file("unit.cal.json", text).place("unit.cal.json")
     };
@@ -115,14 +114,7 @@ pub(super) fn records(by: &Good) -> Result<Vec<Case>> {
             .file("log.csv", header("time_s,temperature_c,counts_y"))
             .place("log.csv"),
         case("log in place of a correction", "verify log.csv log.csv").file("log.csv", good()).place("log.csv"),
-        case("truncated window table", "calibrate w.parquet -o out.json")
-            .then(move |folder| {
-                table(folder)?;
-                let bytes = std::fs::read(folder.join("w.parquet"))?;
-                Ok(std::fs::write(folder.join("w.parquet"), &bytes[..bytes.len() / 2])?)
-            })
-            .place("w.parquet"),
-        case("window table written as text", "calibrate w.csv -o out.json")
+        case("table of windows", "calibrate w.csv -o out.json")
             .file("w.csv", "run,start_ns,end_ns,duration_ns,samples,first_line,reference_dps\n0,0,100,100,1,2,\n")
             .place("w.csv"),
         case("log of which no row can be corrected", "compensate unit.cal.json log.csv -o out.json")
@@ -132,8 +124,5 @@ pub(super) fn records(by: &Good) -> Result<Vec<Case>> {
             .place("log.csv:2"),
         case("corrected log in a format that is not written", "compensate unit.cal.json log.csv -o out.csv.gz")
             .place("out.csv.gz"),
-        case("window table with another window", "calibrate w.parquet --window 50 -o out.json")
-            .then(by.window_table())
-            .place("w.parquet"),
     ])
 }

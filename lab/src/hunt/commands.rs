@@ -8,7 +8,7 @@ use tempfile::TempDir;
 
 use super::case::Case;
 use super::chance::Chance;
-use super::documents::{image, json, stream, table, toml};
+use super::documents::{image, json, stream, toml};
 use super::logs::log;
 use crate::program::Program;
 
@@ -83,7 +83,6 @@ pub(super) struct Materials {
     signed: Vec<u8>,
     key: Vec<u8>,
     public: Vec<u8>,
-    table: Vec<u8>,
 }
 
 impl Materials {
@@ -96,7 +95,6 @@ impl Materials {
         for line in [
             "calibrate log.csv --setup bench.toml --model|bias 3, rate 1|-o unit.cal.json",
             "export unit.cal.json --to image -o unit.img",
-            "window log.csv --setup bench.toml -o windows.parquet",
             "key new -o unit.key",
             "key sign unit.img --key unit.key --model RLG --counter 3 -o signed.img",
         ] {
@@ -109,7 +107,6 @@ impl Materials {
             signed: read("signed.img")?,
             key: read("unit.key")?,
             public: read("unit.pub")?,
-            table: read("windows.parquet")?,
             log,
         })
     }
@@ -122,10 +119,9 @@ fn words(line: &str) -> Vec<&str> {
 }
 
 /// Kinds with how often each comes.
-const KINDS: [(&str, usize); 11] = [
+const KINDS: [(&str, usize); 10] = [
     ("log", 40),
     ("record", 14),
-    ("table", 8),
     ("image", 8),
     ("setup", 8),
     ("limits", 5),
@@ -173,15 +169,6 @@ pub(super) fn case(number: u64, with: &Materials) -> Result<Case> {
                 ])
                 .to_owned()
         }
-        "table" => {
-            add("table.parquet", table(chance, &with.table)?);
-            chance
-                .pick(&[
-                    "inspect table.parquet --json",
-                    "calibrate table.parquet --model|bias 2, rate 0|-o out.json --report out.html",
-                ])
-                .to_owned()
-        }
         "image" => {
             let bytes = if chance.one_in(3) { &with.signed } else { &with.image };
             add("other.img", image(chance, bytes));
@@ -204,7 +191,7 @@ pub(super) fn case(number: u64, with: &Materials) -> Result<Case> {
             chance
                 .pick(&[
                     "calibrate log.csv --setup bench.toml --model|bias 2|-o out.json --report out.html",
-                    "window log.csv --setup bench.toml -o windows.parquet",
+                    "inspect log.csv --setup bench.toml --windows windows.parquet",
                     "allan log.csv --setup bench.toml --json",
                     "inspect log.csv --setup bench.toml",
                     "verify unit.cal.json log.csv --setup bench.toml --json",
@@ -292,7 +279,7 @@ fn on_log(chance: &mut Chance, name: &str) -> String {
         3 => format!("verify unit.cal.json {name} --axis x --report out.html --json"),
         4 => format!("verify unit.img {name} --axis x --limits navigation-grade"),
         5 => format!("compensate unit.cal.json {name} --axis x {}", chance.pick(&["-o out.csv", "-o out.parquet", ""])),
-        6 => format!("window {name} {counts} -o {}", chance.pick(&["windows.parquet", "out.csv"])),
+        6 => format!("inspect {name} {counts} --windows {}", chance.pick(&["windows.parquet", "out.csv"])),
         7 => {
             let more = chance.pick(&["", "", "--exact", "--taus all", "--detrend temperature"]);
             format!("allan {name} {counts} --json --report out.html {more}")

@@ -1,12 +1,5 @@
 //! Documents, images and lines: good ones with values changed, so that they are still what they say they are.
 
-use std::io::Write;
-use std::sync::Arc;
-
-use anyhow::Result;
-use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch};
-use parquet::arrow::ArrowWriter;
-use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use sagnac_board::frame::{Frame, MAX_PAYLOAD};
 use serde_json::{Map, Value};
 
@@ -151,52 +144,4 @@ pub(super) fn stream(chance: &mut Chance) -> Vec<u8> {
         }
     }
     if chance.one_in(3) { chance.damage(bytes) } else { bytes }
-}
-
-/// A window table with values of a column or its description changed.
-pub(super) fn table(chance: &mut Chance, bytes: &[u8]) -> Result<Vec<u8>> {
-    if chance.one_in(5) {
-        return Ok(chance.damage(bytes.to_vec()));
-    }
-    let mut file = tempfile::tempfile()?;
-    file.write_all(bytes)?;
-    let reader = ParquetRecordBatchReaderBuilder::try_new(file)?;
-    let mut schema = reader.schema().as_ref().clone();
-    if chance.one_in(3)
-        && let Some(description) = schema.metadata.get_mut("sagnac.windows")
-    {
-        *description = String::from_utf8_lossy(&json(chance, description)).into_owned();
-    }
-    let schema = Arc::new(schema);
-    let mut out = Vec::new();
-    let mut writer = ArrowWriter::try_new(&mut out, Arc::clone(&schema), None)?;
-    for batch in reader.build()? {
-        let batch = batch?;
-        let changed = chance.below(batch.num_columns());
-        let columns: Vec<ArrayRef> = batch
-            .columns()
-            .iter()
-            .enumerate()
-            .map(|(at, column)| if at == changed { other_values(chance, column) } else { Arc::clone(column) })
-            .collect();
-        let batch = RecordBatch::try_new(Arc::clone(&schema), columns)?;
-        let rows = if chance.one_in(6) { chance.below(batch.num_rows() + 1) } else { batch.num_rows() };
-        writer.write(&batch.slice(0, rows))?;
-    }
-    writer.close()?;
-    Ok(out)
-}
-
-fn other_values(chance: &mut Chance, column: &ArrayRef) -> ArrayRef {
-    let one_in = chance.pick(&[1, 20, 200]);
-    if let Some(values) = column.as_any().downcast_ref::<Float64Array>() {
-        let values = values.values().iter().map(|value| if chance.one_in(one_in) { chance.double() } else { *value });
-        return Arc::new(Float64Array::from_iter_values(values));
-    }
-    if let Some(values) = column.as_any().downcast_ref::<Int64Array>() {
-        let odd = [0, -1, i64::MAX, i64::MIN, 1 << 53, 1_000_000_000];
-        let values = values.values().iter().map(|value| if chance.one_in(one_in) { chance.pick(&odd) } else { *value });
-        return Arc::new(Int64Array::from_iter_values(values));
-    }
-    Arc::clone(column)
 }

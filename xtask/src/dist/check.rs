@@ -115,8 +115,8 @@ fn runs(release: &Release, program: &Path, work: &Path) -> Result<()> {
     let report = fs::read_to_string(work.join("unit.html")).context("verify wrote no report")?;
     ensure!(report.contains("</html>"), "the report has no end");
     // The feature for Parquet is compiled in: a table is written and read again.
-    sagnac(&["window", first, "--setup", text(&setup)?, "-o", "w.parquet"])?;
-    let inspected = sagnac(&["calibrate", "w.parquet", "--json"])?;
-    ensure!(inspected.contains("\"axes\""), "calibrate of a window table prints\n{inspected}");
+    sagnac(&["inspect", first, "--setup", text(&setup)?, "--windows", "w.parquet"])?;
+    let inspected = sagnac(&["inspect", "w.parquet"])?;
+    ensure!(inspected.contains("windows of a log"), "inspect of a table of windows prints\n{inspected}");
     Ok(())
 }

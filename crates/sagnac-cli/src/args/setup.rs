@@ -1,10 +1,10 @@
 //! Flags for facts that a log does not contain; each overrides the key of its name in the setup file.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use bytesize::ByteSize;
 use clap::{Args, ValueEnum};
-use sagnac::window::{WindowBuilder, Windows, read_table};
+use sagnac::window::{WindowBuilder, Windows};
 use sagnac::{Error, Result};
 use sagnac_log::memory::MemoryBudget;
 use sagnac_log::setup::{Counter, PerAxis, RunDivision, Setup, WindowSize};
@@ -94,40 +94,17 @@ impl LogArgs {
         if self.keep_outliers { builder.keep_outliers() } else { builder }
     }
 
-    /// Windows of logs, or of one window table, with their setup and the flags that override it.
+    /// Windows of logs, with the setup that they are read with.
     pub(crate) fn windows(&self, paths: &[PathBuf]) -> Result<(Windows, Setup)> {
         for path in paths {
-            match loading::kind_of(path)? {
-                loading::Kind::WindowTable if paths.len() == 1 => return self.table(path),
-                loading::Kind::WindowTable => {
-                    return Err(Error::input(
-                        "a window table cannot be combined with other files; give logs, or one table",
-                    )
-                    .file(path.display().to_string()));
-                }
-                loading::Kind::Image | loading::Kind::Calibration => {
-                    return Err(
-                        Error::input("an image or calibration where a log is needed").file(path.display().to_string())
-                    );
-                }
-                loading::Kind::Log => {}
+            if !matches!(loading::kind_of(path)?, loading::Kind::Log) {
+                let what = "an image or calibration where a log is needed";
+                return Err(Error::input(what).file(path.display().to_string()));
             }
         }
         let setup = self.setup.over(Setup::default())?;
         let builder = WindowBuilder::read_all(loading::logs(paths, &setup, "reading")?, &setup)?;
         Ok((self.outliers(builder).finish(), setup))
-    }
-
-    /// A window table. The settings of its windows cannot be changed any more.
-    fn table(&self, path: &Path) -> Result<(Windows, Setup)> {
-        let (windows, made_with) = read_table(path, self.setup.memory())?;
-        let setup = self.setup.over(made_with.clone())?;
-        if !setup.makes_the_windows_of(&made_with) || self.keep_outliers {
-            return Err(Error::input("a flag or the setup would change how the windows of this table were made")
-                .file(path.display().to_string())
-                .help("make the table anew with `sagnac window`, or leave that to what it was made with"));
-        }
-        Ok((windows, setup))
     }
 }
 

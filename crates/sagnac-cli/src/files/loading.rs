@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 
 use sagnac::calibration::Calibration;
 use sagnac::verify::Correction;
-use sagnac::window::is_table;
 use sagnac::{Error, Result};
 use sagnac_core::{Image, MAGIC, MAX_SIGNED_LEN, SignatureBlock};
 use sagnac_log::ingest::{Logs, ReadMode};
@@ -23,7 +22,6 @@ const FIRST_BYTES: u64 = 1024;
 pub(crate) enum Kind {
     Image,
     Calibration,
-    WindowTable,
     /// Anything else is read as a log.
     Log,
 }
@@ -45,7 +43,6 @@ pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
     Ok(match start {
         start if start.starts_with(&MAGIC) => Kind::Image,
         [b'{', ..] => Kind::Calibration,
-        [b'P', b'A', b'R', b'1', ..] if is_table(path)? => Kind::WindowTable,
         _ => Kind::Log,
     })
 }
@@ -126,7 +123,7 @@ pub(crate) fn correction(path: &Path) -> Result<Correction> {
         _ if is_pipe(path) => Err(Error::input("a correction is not read from a pipe")
             .file(path.display().to_string())
             .help("save it as a file; only logs are read from a pipe")),
-        Kind::WindowTable | Kind::Log => Err(Error::input("neither a calibration nor an image")
+        Kind::Log => Err(Error::input("neither a calibration nor an image")
             .file(path.display().to_string())
             .help("the correction comes first, then the logs: sagnac verify unit.cal.json retest.csv")),
     }

@@ -3,5 +3,6 @@
 pub(crate) mod calibration;
 pub(crate) mod console;
 pub(crate) mod progress;
+pub(crate) mod shell;
 pub(crate) mod tables;
 pub(crate) mod terminal;

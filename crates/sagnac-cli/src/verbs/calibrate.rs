@@ -22,7 +22,7 @@ use crate::verbs::verb::Verb;
 
 /// Fit how bias and scale factor move with temperature
 ///
-/// Each LOG is one run. A table made by `sagnac window` may stand in their place.
+/// Each LOG is one run.
 #[derive(clap::Args)]
 #[command(
     after_help = "\

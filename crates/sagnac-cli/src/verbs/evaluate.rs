@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use sagnac::calibration::{AxisCalibration, Evaluation};
 use sagnac::{Error, Result};
 use sagnac_log::ingest::Content;
-use sagnac_log::write::{ParquetRows, write_atomically};
+use sagnac_log::write::write_rows;
 use sagnac_units::format::{counted, plain, significant};
 use serde::Serialize;
 
@@ -75,7 +75,13 @@ impl Verb for Args {
         let evaluated = Evaluated { axes: calibration.axes.iter().map(of_axis).collect() };
         if let Some(path) = &self.output {
             loading::check_output_name(path, "CSV, or Parquet for .parquet")?;
-            write(path, &evaluated)?;
+            let content = |name: &str| if name == "axis" { Content::Text } else { Content::Number };
+            let columns = HEADER.iter().map(|name| ((*name).to_owned(), content(name))).collect();
+            write_rows(
+                path,
+                columns,
+                evaluated.axes.iter().flat_map(|axis| axis.points.iter().map(|point| cells(axis.axis, point))),
+            )?;
             console.say(format!(
                 "wrote {}: {} of {}",
                 path.display(),
@@ -126,10 +132,10 @@ fn temperatures(text: &str) -> Result<Vec<f64>> {
 const HEADER: [&str; 7] = ["axis", "temperature_c", "rate_cpm", "drift_dph", "lower_dph", "upper_dph", "scale_ppm"];
 
 /// The numbers of a point; empty where there is no interval.
-fn cells(axis: char, point: &Evaluation) -> [String; 7] {
+fn cells(axis: char, point: &Evaluation) -> Vec<String> {
     let Evaluation { temperature_c, rate_cpm, drift_dph, lower_dph, upper_dph, scale_ppm, .. } = *point;
     let end = |end: Option<f64>| end.map_or(String::new(), |end| end.to_string());
-    [
+    vec![
         axis.to_string(),
         temperature_c.to_string(),
         rate_cpm.to_string(),
@@ -138,27 +144,6 @@ fn cells(axis: char, point: &Evaluation) -> [String; 7] {
         end(upper_dph),
         scale_ppm.to_string(),
     ]
-}
-
-fn write(path: &std::path::Path, evaluated: &Evaluated) -> Result<()> {
-    let rows = evaluated.axes.iter().flat_map(|axis| axis.points.iter().map(|point| cells(axis.axis, point)));
-    write_atomically(path, |out| {
-        if loading::has_extension(path, "parquet") {
-            let content = |name: &str| if name == "axis" { Content::Text } else { Content::Number };
-            let columns = HEADER.iter().map(|name| ((*name).to_owned(), content(name))).collect();
-            let mut table = ParquetRows::new(out, columns, None, false)?;
-            for row in rows {
-                table.row(&row)?;
-            }
-            return table.finish();
-        }
-        let failed = |e: &std::io::Error| Error::io_path(path, "write", e);
-        writeln!(out, "{}", HEADER.join(",")).map_err(|e| failed(&e))?;
-        for row in rows {
-            writeln!(out, "{}", row.join(",")).map_err(|e| failed(&e))?;
-        }
-        Ok(())
-    })
 }
 
 fn describe(axis: &EvaluatedAxis) -> String {

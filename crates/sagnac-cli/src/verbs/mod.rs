@@ -15,11 +15,11 @@ mod inspect;
 mod key;
 mod line;
 pub(crate) mod manual;
+pub(crate) mod old;
 mod plan;
 mod simulate;
 mod verb;
 mod verify;
-mod window;
 
 pub(crate) use verb::Verb;
 
@@ -47,7 +47,6 @@ verbs! {
     Verify(verify::Args),
     Compare(compare::Args),
     Compensate(compensate::Args),
-    Window(window::Args),
     Allan(allan::Args),
     Inspect(inspect::Args),
     Evaluate(evaluate::Args),

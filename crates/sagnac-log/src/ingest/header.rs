@@ -43,7 +43,7 @@ pub const HEADERS: [(&str, &str); 11] = [
     ("aux_name", "any number that the correction may depend on: a voltage, a current, a mode"),
 ];
 
-/// Columns that identify a table of `sagnac window`, even if another program rewrote it.
+/// Columns that identify a table of windows, even if another program rewrote it.
 const WINDOW_TABLE: [&str; 4] = ["run", "start_ns", "duration_ns", "first_line"];
 /// Words that mark a header as a time.
 const TIME_WORDS: [&str; 9] = ["time", "timestamp", "datetime", "date", "utc", "epoch", "clock", "gpstime", "unixtime"];
@@ -131,6 +131,12 @@ pub fn already_compensated() -> Error {
         .help("use the log that `sagnac compensate` read")
 }
 
+/// The error for the windows of a log in place of the log.
+pub fn table_of_windows() -> Error {
+    Error::input("a table of windows, not a log")
+        .help("give the logs that it was made from: sagnac calibrate LOG.csv -o unit.cal.json")
+}
+
 fn time_role(header: &str, unit: &str) -> Result<Role> {
     let places = match unit {
         "s" => 9,
@@ -209,9 +215,7 @@ impl Layout {
     pub fn new(headers: Vec<String>, columns: &BTreeMap<String, String>, axis: Option<char>) -> Result<Self> {
         let mut layout = Self { headers, ..Self::default() };
         if WINDOW_TABLE.iter().all(|name| layout.headers.iter().any(|header| header == name)) {
-            return Err(Error::input("a table of windows, not a log").help(
-                "calibrate takes the Parquet table as `sagnac window` wrote it; verify and compensate need the log itself",
-            ));
+            return Err(table_of_windows());
         }
         if let Some(missing) = columns.keys().find(|name| !layout.headers.contains(name)) {
             return Err(Error::input(format!("[columns] maps {missing:?}, but the log has no such header"))

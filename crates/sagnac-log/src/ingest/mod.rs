@@ -63,7 +63,7 @@ pub use crate::ingest::parquet_file::{ParquetRead, parquet_batches, parquet_sche
 
 pub use crate::ingest::batch::{Batch, Bridge};
 pub use crate::ingest::formats::{FORMATS, Format};
-pub use crate::ingest::header::already_compensated;
+pub use crate::ingest::header::{already_compensated, table_of_windows};
 pub use crate::ingest::live::LiveHeader;
 pub(crate) use crate::ingest::log_reader::Opened;
 pub use crate::ingest::log_reader::{Content, LogReader, LogSummary, ReadMode};

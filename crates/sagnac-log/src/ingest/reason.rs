@@ -178,11 +178,6 @@ impl Tallies {
         }
     }
 
-    /// From a list.
-    pub fn from_list(list: Vec<Tally>) -> Self {
-        Self(list.into_iter().map(|tally| (tally.reason, (tally.rows, tally.first))).collect())
-    }
-
     /// The reason with the most rows; of equals the first, because what is wrong with rows comes before what
     /// follows from it.
     pub fn most(&self) -> Option<Tally> {

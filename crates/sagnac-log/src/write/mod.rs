@@ -2,6 +2,7 @@
 
 #[cfg(feature = "parquet")]
 mod parquet_rows;
+mod rows;
 #[cfg(not(feature = "parquet"))]
 mod without_parquet;
 
@@ -12,6 +13,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use crate::error::{Error, Result};
 #[cfg(feature = "parquet")]
 pub use parquet_rows::{CellColumns, ParquetBatches, ParquetRows, parquet_properties};
+pub use rows::write_rows;
 #[cfg(not(feature = "parquet"))]
 pub use without_parquet::ParquetRows;
 

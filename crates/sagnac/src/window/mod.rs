@@ -8,19 +8,13 @@
 mod build;
 mod outliers;
 mod sums;
-#[cfg(feature = "parquet")]
 mod table;
 mod tracks;
 mod windows;
-#[cfg(not(feature = "parquet"))]
-mod without_table;
 
 pub(crate) use crate::window::build::SeenLogs;
 pub use crate::window::build::WindowBuilder;
 pub(crate) use crate::window::outliers::{holds_whole_numbers, is_whole, mark as mark_outliers, suspected};
-#[cfg(feature = "parquet")]
-pub use crate::window::table::{TABLE_VERSION, is_table, read_table, write_table, write_table_csv};
+pub use crate::window::table::{table_columns, table_row};
 pub(crate) use crate::window::tracks::SAME_VALUE;
 pub use crate::window::windows::{Run, RunFile, WindowRows, WindowShape, Windows};
-#[cfg(not(feature = "parquet"))]
-pub use crate::window::without_table::{is_table, read_table, write_table, write_table_csv};

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use sagnac::Result;
 use sagnac::survey::{AxisSurvey, Survey, ThermometerSurvey, survey};
-use sagnac::window::{WindowBuilder, Windows};
-use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, ReadMode, Tally, already_compensated};
+use sagnac::window::{WindowBuilder, Windows, table_columns, table_row};
+use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, ReadMode, Tally, already_compensated, table_of_windows};
 use sagnac_log::setup::Setup;
+use sagnac_log::write::write_rows;
 use sagnac_report::survey_report;
 use sagnac_units::format::{counted, significant, with_sigma};
 use sagnac_units::s_from_ns;
@@ -21,7 +22,7 @@ use crate::output::tables::excluded;
 use crate::output::terminal::table;
 use crate::verbs::inspect::results;
 
-/// Output of `inspect --json` for a log or window table.
+/// Output of `inspect --json` for a log.
 #[derive(Serialize)]
 struct LogObject {
     kind: &'static str,
@@ -52,37 +53,40 @@ struct LogAxis {
 
 const SCALE_KEY: &str = "arcsec_per_count";
 
-pub(super) fn window_table(path: &Path, args: &LogArgs, report: &ReportArgs, console: &mut Console) -> Result<()> {
-    let (windows, setup) = args.windows(std::slice::from_ref(&path.to_owned()))?;
-    console.say("a window table");
-    described(&windows, Vec::new(), "window table", &setup, report, console)
+/// How logs are read, and what is written of them.
+pub(super) struct Wanted<'a> {
+    pub(super) reading: &'a LogArgs,
+    pub(super) report: &'a ReportArgs,
+    /// A table of the windows.
+    pub(super) windows: Option<&'a Path>,
 }
 
 /// Logs that are runs of one test.
-pub(super) fn several(paths: &[PathBuf], args: &LogArgs, report: &ReportArgs, console: &mut Console) -> Result<()> {
-    let (windows, setup) = match args.windows(paths) {
+pub(super) fn several(paths: &[PathBuf], wanted: &Wanted<'_>, console: &mut Console) -> Result<()> {
+    let (windows, setup) = match wanted.reading.windows(paths) {
         Err(error) if error.place.column.as_deref() == Some(SCALE_KEY) => {
-            let given = args.setup.over(Setup::default())?;
+            let given = wanted.reading.setup.over(Setup::default())?;
             let counted = Setup { arcsec_per_count: Some(1.0), ..given.clone() };
             let builder = WindowBuilder::read_all(loading::logs(paths, &counted, "reading")?, &counted)?;
-            (args.outliers(builder).finish(), given)
+            (wanted.reading.outliers(builder).finish(), given)
         }
         read => read?,
     };
     console.say(format!("{} logs, {} runs", paths.len(), windows.runs.len()));
-    described(&windows, Vec::new(), "logs", &setup, report, console)
+    described(&windows, Vec::new(), "logs", &setup, wanted, console)
 }
 
-pub(super) fn log(path: &Path, args: &LogArgs, report: &ReportArgs, console: &mut Console) -> Result<()> {
-    let given = args.setup.over(Setup::default())?;
+pub(super) fn log(path: &Path, wanted: &Wanted<'_>, console: &mut Console) -> Result<()> {
+    let given = wanted.reading.setup.over(Setup::default())?;
     let (reader, setup) = match open_as_far_as_known(path, given) {
         Err(error) if error.what == already_compensated().what => return results::compensated(None, console),
+        Err(error) if error.what == table_of_windows().what => return results::windows(console),
         opened => opened?,
     };
     let shape = reader.shape().clone();
     console.say(shape_text(&shape));
-    let windows = args.outliers(WindowBuilder::read_all(vec![reader], &setup)?).finish();
-    described(&windows, shape.ignored, "log", &setup, report, console)
+    let windows = wanted.reading.outliers(WindowBuilder::read_all(vec![reader], &setup)?).finish();
+    described(&windows, shape.ignored, "log", &setup, wanted, console)
 }
 
 /// Opens a log. Counts without a stated scale are read with 1 arcsec per count, so that °/h means counts per second; the
@@ -118,7 +122,7 @@ fn described(
     ignored: Vec<String>,
     kind: &'static str,
     setup: &Setup,
-    report: &ReportArgs,
+    wanted: &Wanted<'_>,
     console: &mut Console,
 ) -> Result<()> {
     let scale_known = setup.arcsec_per_count.is_some() || windows.shape.unit == AngleUnit::Arcsec;
@@ -131,7 +135,11 @@ fn described(
     }
     let object = object_of(windows, found, ignored, kind, scale_known);
     say(&object, scale_known, console);
-    report.write(console, || survey_report(&object.survey, windows))?;
+    if let Some(path) = wanted.windows {
+        write_rows(path, table_columns(windows), (0..windows.len()).map(|at| table_row(windows, at)))?;
+        console.say(format!("wrote {}", path.display()));
+    }
+    wanted.report.write(console, || survey_report(&object.survey, windows))?;
     console.object(&object)
 }
 

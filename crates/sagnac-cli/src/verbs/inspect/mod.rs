@@ -15,19 +15,24 @@ use crate::files::Files;
 use crate::files::loading::{self, Kind};
 use crate::output::calibration::describe;
 use crate::output::console::{Console, Outcome, Ran};
+use crate::verbs::inspect::log::Wanted;
 use crate::verbs::verb::Verb;
 
 /// Say what a file is, and of a log what it is good for
 ///
-/// A log or window table gets a verdict: good for calibration, for noise only, or for nothing. No model is searched for.
+/// A log gets a verdict: good for calibration, for noise only, or for nothing. No model is searched for.
 #[derive(clap::Args)]
 #[command(after_help = "\
-Example:
-  sagnac inspect cycle-1.csv --arcsec-per-count 1.059 --report cycle-1.html")]
+Examples:
+  sagnac inspect cycle-1.csv --arcsec-per-count 1.059 --report cycle-1.html
+  sagnac inspect cycle-1.csv cycle-2.csv --setup bench.toml --windows windows.csv")]
 pub(crate) struct Args {
     /// Any file; several logs, a folder or a pattern of them are surveyed together
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
+    /// Table of the logs' windows to write, to look at: CSV, or Parquet for a name in .parquet
+    #[arg(long, value_name = "FILE")]
+    windows: Option<PathBuf>,
     #[command(flatten)]
     report: ReportArgs,
     /// One JSON object on standard output, text on standard error
@@ -47,14 +52,18 @@ impl Verb for Args {
     }
 
     fn run(&self, console: &mut Console) -> Ran {
-        self.report.check_with(Files::new().reads(&self.files).reads(&self.reading.setup.setup))?;
+        let files = Files::new().reads(&self.files).reads(&self.reading.setup.setup).writes(&self.windows);
+        self.report.check_with(files)?;
+        self.windows.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
+        let wanted = Wanted { reading: &self.reading, report: &self.report, windows: self.windows.as_deref() };
         let [file] = self.files.as_slice() else {
-            log::several(&self.files, &self.reading, &self.report, console)?;
+            log::several(&self.files, &wanted, console)?;
             return Ok(Outcome::Done);
         };
         let kind = loading::kind_of(file)?;
-        if self.report.is_asked() && !matches!(kind, Kind::Log | Kind::WindowTable) {
-            return Err(Error::input("a report is made of a log or window table").file(file.display().to_string()));
+        if (self.report.is_asked() || self.windows.is_some()) && !matches!(kind, Kind::Log) {
+            let what = "a report and a table of windows are made of a log";
+            return Err(Error::input(what).file(file.display().to_string()));
         }
         match kind {
             Kind::Image => image::image(file, console)?,
@@ -68,10 +77,9 @@ impl Verb for Args {
                     console.object(&calibration)?;
                 }
             },
-            Kind::WindowTable => log::window_table(file, &self.reading, &self.report, console)?,
             Kind::Log => {
                 if !results::recognised(file, console)? {
-                    log::log(file, &self.reading, &self.report, console)?;
+                    log::log(file, &wanted, console)?;
                 }
             }
         }

@@ -24,9 +24,8 @@ use crate::output::console::Console;
 /// Longest result that is read whole.
 const MOST_BYTES: u64 = 16 << 20;
 /// First lines of tables in text, and what they are.
-const TABLES: [(&str, &str); 5] = [
+const TABLES: [(&str, &str); 4] = [
     ("tau_s,adev_dph", "an Allan curve; `sagnac allan` reads it"),
-    ("run,start_ns,end_ns,duration_ns", "windows as text, of `sagnac window`; as a .parquet they can be read again"),
     ("sequence,tick,time_s,counts,raw,status", "output frames of a gyro, of `sagnac frames`"),
     ("time_s,true_", "the truth of a simulated test"),
     ("frequency_hz,", "the response of a loop, of `sagnac simulate --bode`"),
@@ -117,6 +116,11 @@ pub(super) fn compensated(stamp: Option<&str>, console: &mut Console) -> Result<
     let of = stamp.map_or(String::new(), |stamp| format!(" ({})", stamp.trim_start_matches(':').trim()));
     let what = format!("a compensated log{of}: calibrating it or correcting it again would be wrong twice");
     said("compensated_log", what, console).map(|_| ())
+}
+
+/// Windows of a log, as text or Parquet.
+pub(super) fn windows(console: &mut Console) -> Result<()> {
+    said("table", "windows of a log, to look at, of `sagnac inspect --windows`".to_owned(), console).map(|_| ())
 }
 
 /// Serial number, and per axis how it was judged.
