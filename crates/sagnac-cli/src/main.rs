@@ -45,6 +45,7 @@ struct Cli {
 enum Command {
     #[command(flatten)]
     Verb(Box<Verbs>),
+    #[command(hide = true)]
     Manual(manual::Args),
 }
 

@@ -190,7 +190,7 @@ fn links_and_pipes_stay_what_they_are() {
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_behind_standard_output_is_an_error() {
-    for args in [&["demo"][..], &["line", "confirm"]] {
+    for args in [&["simulate", "--paper"][..], &["line", "send", "confirm"]] {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
         let output = Process::new(assert_cmd::cargo::cargo_bin("sagnac")).args(args).stdout(full).output().unwrap();
         assert_eq!(output.status.code(), Some(2), "{args:?}");
@@ -306,11 +306,17 @@ fn old_verbs_say_what_they_are_now() {
     for (old, now) in [
         (vec!["window", "a b.csv", "c.csv", "-o", "w.csv"], "sagnac inspect 'a b.csv' c.csv --windows w.csv"),
         (vec!["window", "a.csv", "--output=w.csv"], "sagnac inspect a.csv --windows=w.csv"),
+        (vec!["demo"], "sagnac simulate --paper"),
+        (vec!["demo", "--seed", "3"], "sagnac simulate --paper --seed 3"),
+        (vec!["frames", "it's.bin", "-o", "f.csv"], r"sagnac line read 'it'\''s.bin' -o f.csv"),
+        (vec!["line", "confirm", "-o", "/dev/ttyUSB0"], "sagnac line send confirm -o /dev/ttyUSB0"),
+        (vec!["line", "-o", "x", "roll-back"], "sagnac line send -o x roll-back"),
     ] {
         let ran = run(&old);
         assert_eq!((ran.status, ran.out.as_str()), (2, ""), "{old:?}");
-        let said = format!("error: `{}` is no command any more\n  help: {now}\n", old[0]);
-        assert_eq!(ran.err, said, "{old:?}");
+        let [first, help] = ran.err.lines().collect::<Vec<_>>()[..] else { panic!("{}", ran.err) };
+        assert!(first.starts_with(&format!("error: `sagnac {}` is `sagnac ", old[0])), "{first}");
+        assert_eq!(help, format!("  help: {now}"));
     }
 }
 
@@ -329,13 +335,13 @@ fn an_imported_polynomial_is_verified_like_any_calibration() {
 }
 
 #[test]
-fn the_demo_prints_the_papers_table_beside_ours() {
-    let ran = run(&["demo"]);
+fn the_papers_table_is_printed_next_to_ours() {
+    let ran = run(&["simulate", "--paper"]);
     assert_eq!(ran.status, 0);
     for piece in ["paper, before", "491.75", "70.75", "15.3107 Hz", "6.779e-23", "381.25", " expected"] {
         assert!(ran.out.contains(piece), "{piece}: {}", ran.out);
     }
-    assert_eq!(ran.out, run(&["demo", "--seed", "1"]).out);
+    assert_eq!(ran.out, run(&["simulate", "--paper", "--seed", "1"]).out);
 }
 
 #[test]
@@ -396,7 +402,7 @@ fn counts_of_a_standing_vehicle_are_described_and_have_no_random_walk() {
 fn completions_and_man_pages_know_every_command() {
     for shell in ["bash", "zsh", "fish", "powershell", "elvish", "man"] {
         let text = String::from_utf8(sagnac().args(["manual", shell]).output().unwrap().stdout).unwrap();
-        for word in ["calibrate", "verify", "compensate", "inspect", "export", "import", "demo"] {
+        for word in ["calibrate", "verify", "compensate", "inspect", "export", "import", "line"] {
             assert!(text.contains(word), "{shell} does not know {word}");
         }
     }

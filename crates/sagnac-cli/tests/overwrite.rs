@@ -225,7 +225,7 @@ fn outputs_are_tried_before_the_work() {
         "inspect rubbish.csv --report nowhere/log.html",
         "simulate rubbish.csv -o nowhere/log.csv",
         "simulate rubbish.csv --truth nowhere/truth.csv",
-        "demo --report nowhere/demo.html",
+        "simulate --paper --report nowhere/paper.html",
         "calibrate rubbish.csv -o .",
     ] {
         let (status, said) = it.run(line);

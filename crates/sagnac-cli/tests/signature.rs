@@ -167,7 +167,7 @@ fn a_board_with_a_key_is_served_from_the_command_line() {
     let model = *b"RLG-28\0\0\0\0\0\0\0\0\0\0";
     let trust = Keyed { public_key: public, model, lowest_counter: 12, challenge: || *b"0123456789abcdef" };
     let mut board = CommandHandler::with_trust(banks, Gyro::of(&image, 4), loops, trust);
-    // One power-on: the bytes of several commands in a row. The summary of `sagnac frames` comes back.
+    // One power-on: the bytes of several commands in a row. The summary of `sagnac line read` comes back.
     let mut said = |commands: &[&[&str]]| -> String {
         let mut bytes = Vec::new();
         for command in commands {
@@ -177,19 +177,20 @@ fn a_board_with_a_key_is_served_from_the_command_line() {
         let mut out = Vec::new();
         run(&mut board, bytes.into_iter(), |bytes| out.extend_from_slice(bytes));
         fs::write(&back, out).unwrap();
-        sagnac(&["frames", text(&back), "-o", text(&it.path("frames.csv"))]).2
+        sagnac(&["line", "read", text(&back), "-o", text(&it.path("frames.csv"))]).2
     };
     let signed = it.path("signed.img");
     let upload = ["export", text(&signed), "--to", "upload", "--trial"];
-    let service: &[&str] = &["line", "service"];
+    let service: &[&str] = &["line", "send", "service"];
     let hex = "30313233343536373839616263646566";
-    let answer = ["line", "answer", "--challenge", hex, "--key", text(&key), "--serial", &serial, "--axis", &axis];
+    let answer =
+        ["line", "send", "answer", "--challenge", hex, "--key", text(&key), "--serial", &serial, "--axis", &axis];
     assert!(said(&[&upload]).contains("commit of an image: refused: the service mode is closed"));
     let opened = said(&[service, &answer, &upload]);
     assert!(opened.contains(&format!("challenge {hex}")) && opened.contains("answer to a challenge: done"), "{opened}");
     assert!(opened.contains("commit of an image: done; image 1 active, on trial: confirm it"), "{opened}");
-    assert!(said(&[&["line", "confirm"]]).contains("confirmation: refused: the service mode is closed"));
-    let confirmed = said(&[service, &answer, &["line", "confirm"]]);
+    assert!(said(&[&["line", "send", "confirm"]]).contains("confirmation: refused: the service mode is closed"));
+    let confirmed = said(&[service, &answer, &["line", "send", "confirm"]]);
     assert!(confirmed.contains("confirmation: done; image 1 active\n"), "{confirmed}");
     let unsigned = said(&[service, &answer, &["export", text(&paper()), "--to", "upload"]]);
     assert!(unsigned.contains("refused: not signed, and this gyro has a key"), "{unsigned}");

@@ -1,4 +1,4 @@
-//! `sagnac export` for every target, and `sagnac frames`.
+//! `sagnac export` for every target, and `sagnac line read`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -196,7 +196,7 @@ fn inputs_stay_as_they_are() {
         (&cycle, vec!["calibrate", text(&cycle), "--setup", text(&bench), "-o", text(&cycle)]),
         (&cycle, vec!["inspect", text(&cycle), "--setup", text(&bench), "--windows", text(&cycle)]),
         (&image, vec!["export", text(&image), "--to", "upload", "-o", text(&image)]),
-        (&line, vec!["frames", text(&line), "-o", text(&line)]),
+        (&line, vec!["line", "read", text(&line), "-o", text(&line)]),
     ] {
         let before = fs::read(file).unwrap();
         let (status, _, said) = sagnac(&args);
@@ -209,7 +209,7 @@ fn inputs_stay_as_they_are() {
     // And a capture without a frame leaves an older table alone.
     let csv = folder.path().join("frames.csv");
     fs::write(&csv, "precious").unwrap();
-    assert_eq!(sagnac(&["frames", text(&image), "-o", text(&csv)]).0, 2);
+    assert_eq!(sagnac(&["line", "read", text(&image), "-o", text(&csv)]).0, 2);
     assert_eq!(fs::read(&csv).unwrap(), b"precious");
 }
 
@@ -243,7 +243,7 @@ fn frames_become_rows_and_damage_is_counted() {
     let (line, csv) = (folder.path().join("line.bin"), folder.path().join("frames.csv"));
     let mut bytes = captured();
     fs::write(&line, &bytes).unwrap();
-    let (status, _, said) = sagnac(&["frames", text(&line), "-o", text(&csv)]);
+    let (status, _, said) = sagnac(&["line", "read", text(&line), "-o", text(&csv)]);
     assert_eq!(status, 0, "{said}");
     assert!(
         said.contains("40 output frames, 0 missing") && said.contains("roll back: refused: no older image"),
@@ -259,7 +259,7 @@ fn frames_become_rows_and_damage_is_counted() {
     bytes[outputs[9] + 20] ^= 0x10;
     bytes.drain(outputs[19]..outputs[20]);
     fs::write(&line, &bytes).unwrap();
-    let (status, out, said) = sagnac(&["frames", text(&line)]);
+    let (status, out, said) = sagnac(&["line", "read", text(&line)]);
     assert_eq!((status, out.lines().count()), (0, 39), "{said}");
     assert!(said.contains("38 output frames, 2 missing") && said.contains("41 bytes belong to no frame"), "{said}");
 }
@@ -277,7 +277,7 @@ fn odd_frames_are_reported() {
         bytes.extend_from_slice(&frame[..len]);
     }
     fs::write(&line, bytes).unwrap();
-    let (status, out, said) = sagnac(&["frames", text(&line)]);
+    let (status, out, said) = sagnac(&["line", "read", text(&line)]);
     assert_eq!(status, 0);
     assert!(said.contains("5 output frames, 0 missing") && said.contains("1 times count or clock jump"), "{said}");
     let rows: Vec<&str> = out.lines().skip(1).collect();
@@ -287,13 +287,13 @@ fn odd_frames_are_reported() {
 
 #[test]
 fn what_is_no_line_is_refused() {
-    let (status, _, said) = sagnac(&["frames", text(&paper())]);
+    let (status, _, said) = sagnac(&["line", "read", text(&paper())]);
     assert!(status == 2 && said.contains("holds no frame"), "{status} {said}");
     let frame = Frame::new(0x77, &[1, 2, 3]).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let line = folder.path().join("line.bin");
     let (bytes, len) = frame.bytes();
     fs::write(&line, &bytes[..len]).unwrap();
-    assert_eq!(sagnac(&["frames", text(&line)]).0, 2);
-    assert_eq!(sagnac(&["frames", text(&line), "--tick-us", "nan"]).0, 2);
+    assert_eq!(sagnac(&["line", "read", text(&line)]).0, 2);
+    assert_eq!(sagnac(&["line", "read", text(&line), "--tick-us", "nan"]).0, 2);
 }

@@ -188,9 +188,9 @@ impl Unit {
         let before = target.outputs.len();
         is(old.send(target, upload)?, COMMIT, FITTED, true)?;
         old.frames_say(target, true)?;
-        self.sagnac(&["line", "confirm", "-o", "confirm.bin"])?;
+        self.sagnac(&["line", "send", "confirm", "-o", "confirm.bin"])?;
         let confirm = self.read("confirm.bin")?;
-        ensure!(confirm == target::bytes_of(&Message::Confirm)?, "`sagnac line confirm` makes another message");
+        ensure!(confirm == target::bytes_of(&Message::Confirm)?, "`sagnac line send confirm` makes another message");
         is(target.ask(&Message::Confirm, &old.soak)?, CONFIRM, FITTED, false)?;
         old.frames_say(target, false)?;
         let during = target.outputs.get(before..).unwrap_or(&[]);

@@ -225,7 +225,7 @@ pub(super) fn case(number: u64, with: &Materials) -> Result<Case> {
         }
         "stream" => {
             add("line.bin", stream(chance));
-            "frames line.bin -o out.csv".to_owned()
+            "line read line.bin -o out.csv".to_owned()
         }
         "key" => {
             let (name, good) = if chance.one_in(2) { ("other.key", &with.key) } else { ("other.pub", &with.public) };

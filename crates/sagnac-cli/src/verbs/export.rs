@@ -21,7 +21,7 @@ use crate::files::Files;
 use crate::files::loading::{self, Kind};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table as drawn;
-use crate::verbs::line::frame_bytes;
+use crate::verbs::line::send::frame_bytes;
 use crate::verbs::verb::Verb;
 
 /// Write a calibration as what the target holds: a flash image per axis, C99, or Verilog
@@ -56,7 +56,7 @@ pub(crate) struct Args {
     sequence: Option<u32>,
     #[command(flatten)]
     signature: SignArgs,
-    /// Upload: store the image on trial. It is withdrawn after four starts without `sagnac line confirm`
+    /// Upload: store the image on trial. It is withdrawn after four starts without `sagnac line send confirm`
     #[arg(long)]
     trial: bool,
     /// C and Verilog: the loops too, of this scenario or table of the loops

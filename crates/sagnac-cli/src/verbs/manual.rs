@@ -82,15 +82,14 @@ fn rendered(fill: impl FnOnce(&mut dyn Write) -> std::io::Result<()>) -> Result<
 fn markdown(program: &mut Command) -> Result<String> {
     let mut out =
         String::from("# Command line\n\nMade by `sagnac manual markdown`; do not edit.\n\n| command | |\n|---|---|\n");
-    let names: Vec<String> =
-        program.get_subcommands().filter(|c| c.get_name() != "help").map(|c| c.get_name().to_owned()).collect();
-    for command in program.get_subcommands().filter(|c| c.get_name() != "help") {
+    let names = shown(program);
+    for command in program.get_subcommands().filter(|command| names.iter().any(|name| name == command.get_name())) {
         out += &format!("| [`{0}`](#sagnac-{0}) | {1} |\n", command.get_name(), plain(command.get_about()));
     }
     out += EXIT_STATUS;
     for name in names {
         if let Some(command) = program.find_subcommand_mut(&name) {
-            out += &section(command);
+            out += &section(command, "##");
         }
     }
     out += "\n## Flags over the setup\n\nOf every command that reads logs; each overrides the key of its name in bench.toml.\n\n";
@@ -155,14 +154,27 @@ fn plain(text: Option<&StyledStr>) -> String {
     text.map_or(String::new(), ToString::to_string)
 }
 
-/// One command: what it does, its arguments, its examples.
-fn section(command: &mut Command) -> String {
+/// The names of a command's own commands, without those that are hidden.
+fn shown(command: &Command) -> Vec<String> {
+    let shown = command.get_subcommands().filter(|command| command.get_name() != "help" && !command.is_hide_set());
+    shown.map(|command| command.get_name().to_owned()).collect()
+}
+
+/// One command: what it does, its arguments, its examples; then the commands below it.
+fn section(command: &mut Command, heading: &str) -> String {
     let usage = command.render_usage().to_string().replace("Usage: ", "");
     let about = command.get_long_about().or(command.get_about()).map_or(String::new(), ToString::to_string);
-    let mut out =
-        format!("\n## sagnac {}\n\n{}\n\n```text\n{}\n```\n\n", command.get_name(), about.trim(), usage.trim());
-    out += "| argument | |\n|---|---|\n";
-    for arg in command.get_arguments().filter(|arg| arg.get_id() != "help" && !is_setup(arg)) {
+    let mut out = format!(
+        "\n{heading} {}\n\n{}\n\n```text\n{}\n```\n\n",
+        command.get_bin_name().unwrap_or_default(),
+        about.trim(),
+        usage.trim()
+    );
+    let mut arguments = command.get_arguments().filter(|arg| arg.get_id() != "help" && !is_setup(arg)).peekable();
+    if arguments.peek().is_some() {
+        out += "| argument | |\n|---|---|\n";
+    }
+    for arg in arguments {
         out += &format!("| `{}` | {} |\n", form(arg), meaning(arg));
     }
     if command.get_arguments().any(is_setup) {
@@ -172,6 +184,11 @@ fn section(command: &mut Command) -> String {
         let examples = examples.to_string();
         let lines: Vec<&str> = examples.lines().skip(1).map(str::trim_start).collect();
         out += &format!("\n```sh\n{}\n```\n", lines.join("\n"));
+    }
+    for name in shown(command) {
+        if let Some(below) = command.find_subcommand_mut(&name) {
+            out += &section(below, "###");
+        }
     }
     out
 }

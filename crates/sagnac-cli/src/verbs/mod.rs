@@ -55,12 +55,9 @@ verbs! {
     #[cfg(feature = "full")]
     Bench(bench::Args),
     Export(export::Args),
-    #[cfg(feature = "full")]
-    Frames(line::read::Args),
     Key(key::Args),
     Line(line::Args),
     Import(import::Args),
     Init(init::Args),
-    Demo(simulate::paper::Args),
     Simulate(simulate::Args),
 }

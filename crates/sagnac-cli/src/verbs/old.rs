@@ -4,16 +4,23 @@ use sagnac::Error;
 
 use crate::output::shell::command_line;
 
-/// An old verb, and what it is now.
-const VERBS: [(&str, &[&str]); 1] = [("window", &["inspect"])];
+/// The messages that stood behind `sagnac line` itself.
+const MESSAGES: [&str; 4] = ["confirm", "roll-back", "service", "answer"];
 
 /// The error for an old command, with the new one to copy; `None` for what never was a command.
 pub(crate) fn answer(words: &[String]) -> Option<Error> {
     let (verb, rest) = words.split_first()?;
-    let (_, now) = VERBS.iter().find(|(old, _)| old == verb)?;
+    let is_one_of = |names: &[&str]| rest.iter().any(|word| names.contains(&word.as_str()));
+    let now = match verb.as_str() {
+        "window" => "inspect",
+        "demo" => "simulate --paper",
+        "frames" => "line read",
+        "line" if is_one_of(&MESSAGES) && !is_one_of(&["read", "send"]) => "line send",
+        _ => return None,
+    };
     let rest = rest.iter().map(|word| if verb == "window" { windows_flag(word) } else { word.clone() });
-    let command: Vec<String> = ["sagnac"].iter().chain(*now).map(|word| (*word).to_owned()).chain(rest).collect();
-    Some(Error::input(format!("`{verb}` is no command any more")).help(command_line(&command)))
+    let command = format!("sagnac {now} {}", command_line(&rest.collect::<Vec<_>>()));
+    Some(Error::input(format!("`sagnac {verb}` is `sagnac {now}` now")).help(command.trim_end()))
 }
 
 /// The flag for the table of windows, which `sagnac window` had as its output.

@@ -389,7 +389,7 @@ fn a_browser_draws_every_figure_of_every_report() {
     let (setup, limits) = (file("chamber/bench.toml"), file("chamber/limits.toml"));
     sagnac(folder.path(), &["calibrate", &one, &two, "--setup", &setup, "-o", "u.json", "--report", "fit.html"]);
     sagnac(folder.path(), &["verify", "u.json", &three, "--limits", &limits, "--report", "proof.html"]);
-    sagnac(folder.path(), &["demo", "--report", "demo.html"]);
+    sagnac(folder.path(), &["simulate", "--paper", "--report", "demo.html"]);
     must_be_drawn(chromium, &folder.path().join("fit.html"), 6);
     let fit = std::fs::read_to_string(folder.path().join("fit.html")).unwrap();
     for words in ["95 % band", "What to expect at rest", "Drift against the rate of"] {
@@ -436,7 +436,7 @@ fn a_browser_draws_the_reports_of_a_whole_calibration() {
 fn the_look_itself_sees_what_is_wrong() {
     let chromium = chromium();
     let folder = TempDir::new().unwrap();
-    sagnac(folder.path(), &["demo", "--report", "demo.html"]);
+    sagnac(folder.path(), &["simulate", "--paper", "--report", "demo.html"]);
     let path = folder.path().join("demo.html");
     let good = std::fs::read_to_string(&path).unwrap();
     let broken = good

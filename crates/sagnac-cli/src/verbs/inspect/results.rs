@@ -26,7 +26,7 @@ const MOST_BYTES: u64 = 16 << 20;
 /// First lines of tables in text, and what they are.
 const TABLES: [(&str, &str); 4] = [
     ("tau_s,adev_dph", "an Allan curve; `sagnac allan` reads it"),
-    ("sequence,tick,time_s,counts,raw,status", "output frames of a gyro, of `sagnac frames`"),
+    ("sequence,tick,time_s,counts,raw,status", "output frames of a gyro, of `sagnac line read`"),
     ("time_s,true_", "the truth of a simulated test"),
     ("frequency_hz,", "the response of a loop, of `sagnac simulate --bode`"),
 ];
@@ -218,7 +218,7 @@ fn messages(path: &Path, console: &mut Console) -> Result<bool> {
     let named: Vec<String> = parts.map(|(n, one, more)| counted(n, one, more)).collect();
     said(
         "messages",
-        format!("messages of a gyro's serial line: {}; `sagnac frames` reads them", named.join(", ")),
+        format!("messages of a gyro's serial line: {}; `sagnac line read` reads them", named.join(", ")),
         console,
     )
 }

@@ -1,112 +1,32 @@
-//! `sagnac line`: one message to a gyro's serial line.
+//! `sagnac line`: a gyro's serial line. `read` shows what the gyro said, `send` says something to it.
 
 #[cfg(feature = "full")]
-pub(crate) mod read;
+mod read;
+pub(crate) mod send;
 
-use std::path::{Path, PathBuf};
-
-use clap::Subcommand;
-use sagnac::{Error, Result};
-use sagnac_board::Message;
-use sagnac_log::write::write_bytes;
-
-use crate::args::signature::private_key;
-use crate::files::Files;
-use crate::output::console::{Console, Outcome, Ran};
+use crate::output::console::{Console, Ran};
 use crate::verbs::verb::Verb;
 
-/// Write one message to a gyro's serial line: confirm, roll back, or open its service mode
+/// Read a gyro's serial line, or send it a message
 #[derive(clap::Args)]
-#[command(after_help = "\
-Examples (the replies appear in sagnac frames):
-  sagnac line confirm -o /dev/ttyUSB0
-  sagnac line service -o /dev/ttyUSB0
-  sagnac line answer --challenge 0f1e… --key factory.key --serial RLG-7 --axis z -o /dev/ttyUSB0")]
 pub(crate) struct Args {
     #[command(subcommand)]
-    message: What,
-    /// The line, or a file
-    #[arg(short, long, value_name = "PATH", global = true, default_value = "-")]
-    output: PathBuf,
+    command: Command,
 }
 
-#[derive(Subcommand)]
-enum What {
-    /// The image on trial has proved itself: keep it
-    Confirm,
-    /// Go back to the image before
-    RollBack,
-    /// Ask a gyro with a key for a challenge
-    Service,
-    /// Answer its challenge: the service mode is open for one change
-    Answer {
-        /// The challenge, as sagnac frames prints it
-        #[arg(long, value_name = "HEX")]
-        challenge: String,
-        /// Private key
-        #[arg(long, value_name = "FILE")]
-        key: PathBuf,
-        /// Serial number of the gyro
-        #[arg(long)]
-        serial: String,
-        /// Its axis letter
-        #[arg(long)]
-        axis: char,
-    },
+#[derive(clap::Subcommand)]
+enum Command {
+    #[cfg(feature = "full")]
+    Read(read::Args),
+    Send(send::Args),
 }
 
 impl Verb for Args {
     fn run(&self, console: &mut Console) -> Ran {
-        let message = match &self.message {
-            What::Confirm => Message::Confirm,
-            What::RollBack => Message::RollBack,
-            What::Service => Message::Service,
-            What::Answer { challenge, key, serial, axis } => {
-                Files::new().reads([key]).writes([&self.output]).check()?;
-                Message::Answer(answer(key, serial, *axis, challenge)?)
-            }
-        };
-        let bytes = frame_bytes(&message)?;
-        if self.output.as_os_str() == "-" {
-            use std::io::Write as _;
-            let mut out = std::io::stdout();
-            // Nothing may stay in a buffer whose error nobody sees.
-            out.write_all(&bytes).and_then(|()| out.flush()).map_err(|e| Error::io("standard output", "write", &e))?;
-        } else {
-            write_bytes(&self.output, &bytes)?;
-            console.say(format!("wrote {}: {} bytes", self.output.display(), bytes.len()));
+        match &self.command {
+            #[cfg(feature = "full")]
+            Command::Read(args) => args.run(console),
+            Command::Send(args) => args.run(console),
         }
-        Ok(Outcome::Done)
     }
-}
-
-/// A message as bytes of the line.
-pub(crate) fn frame_bytes(message: &Message) -> Result<Vec<u8>> {
-    let frame = message.frame().ok_or_else(|| Error::input("the message does not fit a frame"))?;
-    let (bytes, len) = frame.bytes();
-    Ok(bytes.get(..len).unwrap_or(&[]).to_vec())
-}
-
-/// The answer to a challenge, as `sagnac frames` printed it.
-fn answer(key: &Path, serial: &str, axis: char, challenge: &str) -> Result<[u8; 64]> {
-    let bad = |what: &str, name: &'static str, value: &str| Error::input(what.to_owned()).column(name).value(value);
-    let mut padded = [0; 32];
-    match padded.get_mut(..serial.len()) {
-        Some(room) => room.copy_from_slice(serial.as_bytes()),
-        None => return Err(bad("must have at most 32 bytes", "--serial", serial)),
-    }
-    let axis = u8::try_from(axis).map_err(|_| bad("must be an ASCII letter", "--axis", &axis.to_string()))?;
-    let challenge = unhex(challenge).ok_or_else(|| bad("must be 32 hexadecimal digits", "--challenge", challenge))?;
-    Ok(private_key(key)?.answer(&padded, axis, &challenge))
-}
-
-fn unhex(text: &str) -> Option<[u8; 16]> {
-    let mut bytes = [0; 16];
-    if text.len() != 32 || !text.bytes().all(|digit| digit.is_ascii_hexdigit()) {
-        return None;
-    }
-    for (byte, pair) in bytes.iter_mut().zip(text.as_bytes().chunks_exact(2)) {
-        *byte = u8::from_str_radix(std::str::from_utf8(pair).ok()?, 16).ok()?;
-    }
-    Some(bytes)
 }

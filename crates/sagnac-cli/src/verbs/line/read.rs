@@ -1,4 +1,4 @@
-//! `sagnac frames`: what a gyro said on its serial line, as CSV.
+//! `sagnac line read`: what a gyro said on its serial line, as CSV.
 
 use std::io::{BufReader, Read, Write};
 use std::path::PathBuf;
@@ -27,8 +27,8 @@ const HEADER: &str =
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  sagnac frames captured.bin -o frames.csv
-  sagnac frames < /dev/ttyUSB0")]
+  sagnac line read captured.bin -o frames.csv
+  sagnac line read < /dev/ttyUSB0")]
 pub(crate) struct Args {
     /// Bytes of the line; standard input by default
     #[arg(default_value = "-")]

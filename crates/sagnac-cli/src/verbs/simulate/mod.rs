@@ -1,7 +1,7 @@
 //! `sagnac simulate`: a scenario in, the log of its test out, with the truth in its own file.
 
 mod charts;
-pub(crate) mod paper;
+mod paper;
 
 use std::cell::RefCell;
 use std::io::Write;
@@ -32,12 +32,16 @@ use crate::verbs::verb::Verb;
 Examples:
   sagnac simulate scenarios/triangle-28cm-dithered/triangle-28cm-dithered.toml --seed 1 -o run.csv --truth truth.csv --report sim.html
   sagnac simulate scenarios/paper/paper.toml --fault stuck_thermometer@6000+3000 -o broken.csv
-  sagnac simulate scenarios/square-28cm/square-28cm.toml --bode --report loops.html")]
+  sagnac simulate scenarios/square-28cm/square-28cm.toml --bode --report loops.html
+  sagnac simulate --paper --report paper.html")]
 pub(crate) struct Args {
     /// Gyro, test and faults; docs/reference/scenario.md has every key
-    #[arg(value_name = "SCENARIO")]
-    scenario: PathBuf,
-    /// Seed of all random numbers; that of the scenario by default
+    #[arg(value_name = "SCENARIO", required_unless_present = "paper")]
+    scenario: Option<PathBuf>,
+    /// Reproduce the source paper instead: its rig, its table, its equations. The retest takes the next seed
+    #[arg(long, conflicts_with_all = ["scenario", "output", "truth", "bode", "fault"])]
+    paper: bool,
+    /// Seed of all random numbers; that of the scenario by default, of the paper 1
     #[arg(long)]
     seed: Option<u64>,
     /// Log to write: CSV, or Parquet for a name in .parquet; standard output by default
@@ -58,10 +62,13 @@ pub(crate) struct Args {
 
 impl Verb for Args {
     fn run(&self, console: &mut Console) -> Ran {
-        check_files(self)?;
-        let scenario = scenario(self)?;
+        let Some(path) = &self.scenario else {
+            return paper::run(self.seed.unwrap_or(1), &self.report, console);
+        };
+        check_files(self, path)?;
+        let scenario = scenario(self, path)?;
         if self.bode {
-            return bode(self, &scenario, console);
+            return bode(self, path, &scenario, console);
         }
         let outputs = [&self.output, &self.truth];
         let seed = self.seed.unwrap_or(scenario.seed);
@@ -89,20 +96,20 @@ impl Verb for Args {
 }
 
 /// Files out are what their names say, apart from each other and from the scenario, and can be written.
-fn check_files(args: &Args) -> Result<()> {
+fn check_files(args: &Args, scenario: &Path) -> Result<()> {
     args.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
     let parquet = |path: &&PathBuf| loading::has_extension(path, "parquet");
     if let Some(path) = args.truth.iter().find(parquet) {
         return Err(Error::input("the truth is written as CSV only").file(path.display().to_string()));
     }
-    args.report.check_with(Files::new().reads([&args.scenario]).writes(&args.output).writes(&args.truth))
+    args.report.check_with(Files::new().reads([scenario]).writes(&args.output).writes(&args.truth))
 }
 
-fn scenario(args: &Args) -> Result<Scenario> {
-    let refused = |problem: ScenarioError| loading::scenario_refused(&args.scenario, &problem);
-    let mut scenario = loading::scenario(&args.scenario)?;
+fn scenario(args: &Args, path: &Path) -> Result<Scenario> {
+    let refused = |problem: ScenarioError| loading::scenario_refused(path, &problem);
+    let mut scenario = loading::scenario(path)?;
     if scenario.name.is_empty() {
-        scenario.name = args.scenario.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
+        scenario.name = path.file_stem().map(|stem| stem.to_string_lossy().into_owned()).unwrap_or_default();
         scenario.name.retain(|c| !c.is_control());
     }
     let length_s = scenario.profile().map_err(refused)?.length_s();
@@ -257,20 +264,20 @@ fn describe(scenario: &Scenario, seed: u64, rows: u64, console: &mut Console) {
     }
 }
 
-fn bode(args: &Args, scenario: &Scenario, console: &mut Console) -> Ran {
+fn bode(args: &Args, path: &Path, scenario: &Scenario, console: &mut Console) -> Ran {
     if args.output.is_some() || args.truth.is_some() {
         return Err(
             Error::input("--bode sweeps the loops and makes no log; leave -o and --truth away").column("--bode")
         );
     }
-    let refused = |problem: ScenarioError| loading::scenario_refused(&args.scenario, &problem);
+    let refused = |problem: ScenarioError| loading::scenario_refused(path, &problem);
     let design = LoopDesign::build(scenario).map_err(refused)?;
-    let path = design.sweep(LoopName::PathLength, scenario.path_length.bandwidth_hz).map_err(refused)?;
+    let length = design.sweep(LoopName::PathLength, scenario.path_length.bandwidth_hz).map_err(refused)?;
     let light = design.sweep(LoopName::Intensity, scenario.intensity.bandwidth_hz).map_err(refused)?;
-    for sweep in [&path, &light] {
+    for sweep in [&length, &light] {
         describe_loop(sweep, console);
     }
-    args.report.write(console, || chart_report(&charts::bode_page(scenario, &[path, light])))?;
+    args.report.write(console, || chart_report(&charts::bode_page(scenario, &[length, light])))?;
     Ok(Outcome::Done)
 }
 

@@ -1,7 +1,7 @@
-//! `sagnac demo`: repeats the experiment of the source paper.
+//! `sagnac simulate --paper`: repeats the experiment of the source paper.
 //!
 //! One simulated run of the paper's rig is calibrated, exported, and a second run is replayed through
-//! the decoded image at 100 µs. The output shows the paper's figures beside ours.
+//! the decoded image at 100 µs. The output shows the paper's figures next to ours.
 
 use std::io::Cursor;
 
@@ -20,82 +20,67 @@ use crate::args::report::ReportArgs;
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table;
-use crate::verbs::verb::Verb;
-
-/// Reproduce the source paper: its rig, its table, its equations
-#[derive(clap::Args)]
-#[command(after_help = "\
-Example:
-  sagnac demo --report demo.html")]
-pub(crate) struct Args {
-    /// Seed of the calibration run; the retest takes the next one
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
-    #[command(flatten)]
-    report: ReportArgs,
-}
 
 /// Rows of the paper's table: min, max, mean, max − min, counts per 100 s.
 const PAPER_BEFORE: [f64; 4] = [421.0, 491.75, 457.85, 70.75];
 const PAPER_AFTER: [f64; 4] = [420.0, 429.0, 424.64, 9.0];
 
-impl Verb for Args {
-    fn run(&self, console: &mut Console) -> Ran {
-        self.report.check_with(Files::new())?;
-        let rig = PaperRig::PAPER;
-        let setup = Setup {
-            serial: Some("PAPER-RIG".to_owned()),
-            arcsec_per_count: Some(rig.arcsec_per_count),
-            quantum: Some(rig.quantum),
-            ..Setup::default()
-        };
-        let (first, second) = (self.seed, self.seed.wrapping_add(1));
-        let log = |seed: u64| {
-            let bytes = csv_bytes(rig.run(seed));
-            LogReader::from_reader(&format!("seed {seed}"), Box::new(Cursor::new(bytes)), &setup, ReadMode::Bulk)
-        };
-        let windows = WindowBuilder::read_all(vec![log(first)?], &setup)?.finish();
-        let quadratic: ModelSpec = "bias 2".parse()?;
-        let options = FitOptions::new(Model::Fixed(quadratic));
-        let calibration = calibrate(windows, &setup, &options)?;
-        console.say(format!(
-            "The paper's rig: N = {}·T² − {}·T + {} counts per 100 s at {} … {} °C, ARW {} °/√h, quantum {} count,",
-            rig.coefficients[0],
-            -rig.coefficients[1],
-            rig.coefficients[2],
-            rig.span_c[0],
-            rig.span_c[1],
-            rig.arw_deg_rt_h,
-            rig.quantum
-        ));
-        console.say(format!(
-            "{} arcsec per count. Calibrated on seed {first}, proven on seed {second}.\n",
-            rig.arcsec_per_count
-        ));
-        let axis = calibration.axes.first();
-        let monomial = axis.and_then(|axis| axis.monomial.as_ref()).ok_or_else(|| Error::input("no curve"))?;
-        let sigmas = monomial.sigma.clone().unwrap_or_default();
-        let names = ["C", "B", "A"];
-        let rows = (0..3).rev().map(|power| {
-            let truth = rig.coefficients[2 - power];
-            vec![
-                names[power].to_owned(),
-                truth.to_string(),
-                with_sigma(monomial.coefficients[power], sigmas.get(power).copied()),
-            ]
-        });
-        console.say(table(&["coefficient", "rig", "fitted ± σ"], rows));
-        let correction = Correction::from_calibration(calibration)?;
-        let Proof { verification: proof, report_data, .. } =
-            verify(&correction, vec![log(second)?], &setup, VerifyOptions::default())?;
-        describe(console, &proof)?;
-        equations(console);
-        printed_constant(console);
-        self.report.write(console, || {
-            verification_report(&proof, correction.calibration.as_ref(), &report_data, &Sheet::default())
-        })?;
-        Ok(Outcome::Done)
-    }
+/// One run is calibrated, and the run of the next seed proves it.
+pub(super) fn run(seed: u64, report: &ReportArgs, console: &mut Console) -> Ran {
+    report.check_with(Files::new())?;
+    let rig = PaperRig::PAPER;
+    let setup = Setup {
+        serial: Some("PAPER-RIG".to_owned()),
+        arcsec_per_count: Some(rig.arcsec_per_count),
+        quantum: Some(rig.quantum),
+        ..Setup::default()
+    };
+    let (first, second) = (seed, seed.wrapping_add(1));
+    let log = |seed: u64| {
+        let bytes = csv_bytes(rig.run(seed));
+        LogReader::from_reader(&format!("seed {seed}"), Box::new(Cursor::new(bytes)), &setup, ReadMode::Bulk)
+    };
+    let windows = WindowBuilder::read_all(vec![log(first)?], &setup)?.finish();
+    let quadratic: ModelSpec = "bias 2".parse()?;
+    let options = FitOptions::new(Model::Fixed(quadratic));
+    let calibration = calibrate(windows, &setup, &options)?;
+    console.say(format!(
+        "The paper's rig: N = {}·T² − {}·T + {} counts per 100 s at {} … {} °C, ARW {} °/√h, quantum {} count,",
+        rig.coefficients[0],
+        -rig.coefficients[1],
+        rig.coefficients[2],
+        rig.span_c[0],
+        rig.span_c[1],
+        rig.arw_deg_rt_h,
+        rig.quantum
+    ));
+    console.say(format!(
+        "{} arcsec per count. Calibrated on seed {first}, proven on seed {second}.\n",
+        rig.arcsec_per_count
+    ));
+    let axis = calibration.axes.first();
+    let monomial = axis.and_then(|axis| axis.monomial.as_ref()).ok_or_else(|| Error::input("no curve"))?;
+    let sigmas = monomial.sigma.clone().unwrap_or_default();
+    let names = ["C", "B", "A"];
+    let rows = (0..3).rev().map(|power| {
+        let truth = rig.coefficients[2 - power];
+        vec![
+            names[power].to_owned(),
+            truth.to_string(),
+            with_sigma(monomial.coefficients[power], sigmas.get(power).copied()),
+        ]
+    });
+    console.say(table(&["coefficient", "rig", "fitted ± σ"], rows));
+    let correction = Correction::from_calibration(calibration)?;
+    let Proof { verification: proof, report_data, .. } =
+        verify(&correction, vec![log(second)?], &setup, VerifyOptions::default())?;
+    describe(console, &proof)?;
+    equations(console);
+    printed_constant(console);
+    report.write(console, || {
+        verification_report(&proof, correction.calibration.as_ref(), &report_data, &Sheet::default())
+    })?;
+    Ok(Outcome::Done)
 }
 
 fn describe(console: &mut Console, proof: &Verification) -> Result<()> {
