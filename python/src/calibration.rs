@@ -266,6 +266,11 @@ impl Calibration {
         points_table(points)
     }
 
+    /// Level and text of each note about an axis.
+    fn notes(&self, axis: &str) -> PyResult<Vec<(&'static str, String)>> {
+        Ok(self.axis(axis)?.notes().into_iter().map(|note| (note.level.name(), note.text)).collect())
+    }
+
     /// Models that were tried for an axis.
     fn candidates(&self, axis: &str) -> PyResult<Table> {
         let fit = self.axis(axis)?.fit.as_ref();

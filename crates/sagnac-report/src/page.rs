@@ -9,6 +9,7 @@ use crate::sheet::Sheet;
 use crate::{acceptance, figures, svg, terms};
 use sagnac::calibration::{AxisCalibration, Calibration, LogFile, LogUnit, PpmEstimate, UNASSIGNED};
 use sagnac::diagnostics::{AxisReportData, ReportData};
+use sagnac::notes::{Note, NoteAbout, NoteLevel};
 use sagnac::verify::{AxisVerification, Correction, Figures, Judged, REPEATED_PROFILE, ScaleFigures, Verification};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Tally, hex, sha256};
@@ -307,22 +308,16 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
                 (tile("span", &format!("{:.1} … {:.1}", axis.span_c()[0], axis.span_c()[1]), "°C"))
                 (tile("windows used", &format!("{used} of {all}"), ""))
             }
-            @if let Some(note) = axis.below_floor_note() { p.note { "Note: " (note) "." } }
-            @for prior in axis.fit.iter().flat_map(|fit| &fit.prior) { p.note { "Note: " (prior.words()) ". SHA-256 of the prior: " (prior.sha256) "." } }
-            @for found in axis.fit.iter().flat_map(|fit| &fit.entanglement) { p.note { "Note: " (found.note()) "." } }
-            @if let Some(lack) = axis.fit.as_ref().and_then(|fit| fit.lack_of_fit.as_ref()) { p.note { "Note: " (lack.note()) "." } }
-            @if axis.fit.as_ref().is_some_and(|fit| fit.noise_exceeds_setup) {
-                p.note { "Note: the log shows more noise than the setup states; intervals go by the log." }
-            }
-            @if let Some(warm_up) = &axis.correction.warm_up { p.note { "Warm-up since power-on, corrected: " (warm_up.words()) ". Residual and held-out σ are without it." } }
-            @for effect in axis.fit.iter().flat_map(|fit| &fit.time_effects) {
-                p.note { "Fitted beside the terms and not corrected: " (effect.words()) ". Residual and held-out σ are without it." }
-            }
-            @if let Some(hidden) = axis.fit.as_ref().and_then(|fit| fit.hidden_in_offsets_dph) {
-                p.note { "Note: each run covers little of the temperatures; the offsets of the runs differ by " (significant(hidden, 2)) " °/h (σ), which may be drift." }
-            }
+            @for note in axis.notes().iter().filter(|note| note.about != NoteAbout::ScaleFactor) { (said(note)) }
+            @for prior in axis.fit.iter().flat_map(|fit| &fit.prior) { p.note { "SHA-256 of the prior: " (prior.sha256) "." } }
         }
     }
+}
+
+/// A note of a fit as a sentence.
+fn said(note: &Note) -> Markup {
+    let word = if note.level == NoteLevel::Warning { "Warning: " } else { "Note: " };
+    html! { p.note { (word) (note.text) "." } }
 }
 
 fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
@@ -457,7 +452,7 @@ fn plateaus(axis: &AxisCalibration) -> Markup {
                 }
             } }
         }
-        @if let Some(note) = axis.scale_factor().and_then(|scale| scale.asymmetry_note()) { p.note { "Note: " (note) "." } }
+        @for note in axis.notes().iter().filter(|note| note.about == NoteAbout::ScaleFactor) { (said(note)) }
         @for m in axis.fit.iter().flat_map(|fit| &fit.misalignment) {
             p.note { "The input axis is misaligned towards " (m.towards) " by " (with_sigma(m.arcsec, Some(m.sigma_arcsec))) " arcsec." }
         }

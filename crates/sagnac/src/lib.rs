@@ -37,6 +37,7 @@ pub mod fleet;
 mod image;
 pub mod model;
 mod noise_model;
+pub mod notes;
 pub mod plan;
 mod rate_table;
 pub mod survey;

@@ -294,6 +294,10 @@ class Calibration(_Result[Axis]):
         the fit (null where excluded), ``excluded`` with the reason."""
         return Table(self._native.residuals(self._letter(axis)))
 
+    def notes(self, axis: str | None = None) -> list[tuple[str, str]]:
+        """What is worth knowing of the fit before its use: its level (`fact`, `note` or `warning`) and its words."""
+        return self._native.notes(self._letter(axis))
+
     def candidates(self, axis: str | None = None) -> Table:
         """The models that were tried for an axis, with their held-out residuals in °/h."""
         return Table(self._native.candidates(self._letter(axis)))

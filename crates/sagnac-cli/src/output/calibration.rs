@@ -1,8 +1,7 @@
 //! A calibration for people: an axis with its verdict first, then terms, runs, scale factor, warnings and the search.
 
-use sagnac::calibration::{
-    AxisCalibration, Candidate, Monomial, PpmEstimate, RejectedModel, RunOffset, ScaleFactor, SearchStep,
-};
+use sagnac::calibration::{AxisCalibration, Candidate, Monomial, PpmEstimate, RunOffset, ScaleFactor, SearchStep};
+use sagnac::notes::{Note, NoteAbout, NoteLevel};
 use sagnac_units::format::{celsius, significant, unit, with_sigma};
 
 use crate::output::console::Console;
@@ -15,9 +14,8 @@ const SHOWN_CANDIDATES: usize = 8;
 /// One axis, the verdict first.
 pub(crate) fn describe(console: &mut Console, axis: &AxisCalibration) {
     console.say(format!("axis {}: {}", axis.axis, verdict(axis)));
-    if let Some(prior) = axis.fit.as_ref().and_then(|fit| fit.prior.as_ref()) {
-        console.say(format!("  {}", prior.words()));
-    }
+    let notes = axis.notes();
+    say_notes(console, axis, &notes, &[NoteAbout::Prior]);
     console.say(coefficients(axis));
     conditioning(console, axis);
     let whole = axis.monomial.iter().filter(|_| axis.zones.is_empty());
@@ -40,10 +38,8 @@ pub(crate) fn describe(console: &mut Console, axis: &AxisCalibration) {
     }
     if let Some(scale) = axis.scale_factor() {
         console.say(scale_factor(scale, axis.reference_c()));
-        if let Some(note) = scale.asymmetry_note() {
-            console.note(format!("note: axis {}: {note}", axis.axis));
-        }
     }
+    say_notes(console, axis, &notes, &[NoteAbout::ScaleFactor]);
     let Some(fit) = &axis.fit else { return };
     for m in &fit.misalignment {
         console.say(format!(
@@ -52,37 +48,7 @@ pub(crate) fn describe(console: &mut Console, axis: &AxisCalibration) {
             with_sigma(m.arcsec, Some(m.sigma_arcsec))
         ));
     }
-    let over = fit.noise_floor.as_ref().map_or(0.0, |floor| fit.residual.sigma_dph / floor.value_dph);
-    if over > UNEXPLAINED {
-        console.note(format!(
-            "warning: the residual is {} times the noise floor: this model does not explain the log (a step, a disturbance, a missing input)",
-            significant(over, 2)
-        ));
-    }
-    if let Some(lack) = &fit.lack_of_fit {
-        console.note(format!("warning: axis {}: {}", axis.axis, lack.note()));
-    }
-    if fit.noise_exceeds_setup {
-        console.note("warning: the log shows more noise than the setup states: intervals go by the log");
-    }
-    if let Some(hidden) = fit.hidden_in_offsets_dph {
-        console.say(format!(
-            "  each run covers little of the temperatures: run offsets differ by {} °/h (σ), which may be drift; --one-run makes files one run",
-            significant(hidden, 2)
-        ));
-    }
-    if let Some(warm_up) = &axis.correction.warm_up {
-        console.say(format!("  warm-up, corrected: {}", warm_up.words()));
-    }
-    for effect in &fit.time_effects {
-        console.say(format!(
-            "  {} (fitted beside the terms, not corrected; residual and held-out σ are without it)",
-            effect.words()
-        ));
-    }
-    for found in &fit.entanglement {
-        console.say(format!("  {}", found.note()));
-    }
+    say_notes(console, axis, &notes, &[NoteAbout::Curve, NoteAbout::Fit]);
     if let Some(legs) = fit.hysteresis {
         console.say(format!(
             "  hysteresis (heating minus cooling): {} °/h before, {} °/h after the fit",
@@ -109,18 +75,20 @@ pub(crate) fn describe(console: &mut Console, axis: &AxisCalibration) {
     if fit.model_search.len() > 1 {
         console.say(model_search(&fit.model_search));
     }
-    for rejected in &fit.rejected_inputs {
-        console.say(format!("  input rejected: {}, {}", rejected.input, rejected.reason));
-    }
-    for rejected in &fit.rejected_models {
-        let RejectedModel { model, reason, .. } = rejected;
-        console.note(format!("warning: `{model}` would have been selected, but {reason}"));
-    }
-    if let Some(note) = axis.below_floor_note() {
-        console.note(format!("note: axis {}: {note}", axis.axis));
-    }
+    say_notes(console, axis, &notes, &[NoteAbout::Search]);
     for line in excluded(&fit.excluded) {
         console.say(format!("  {line}"));
+    }
+}
+
+/// Notes about these parts: facts on standard output, others on standard error.
+fn say_notes(console: &mut Console, axis: &AxisCalibration, notes: &[Note], about: &[NoteAbout]) {
+    for Note { level, about, text, .. } in notes.iter().filter(|note| about.contains(&note.about)) {
+        match (level, about) {
+            (NoteLevel::Fact, _) => console.say(format!("  {text}")),
+            (NoteLevel::Warning, NoteAbout::Fit | NoteAbout::Search) => console.note(format!("warning: {text}")),
+            _ => console.note(format!("{}: axis {}: {text}", level.name(), axis.axis)),
+        }
     }
 }
 
@@ -284,6 +252,3 @@ fn candidates(all: &[Candidate]) -> String {
     let title = format!("{} of {} candidates", shown.len(), all.len());
     table(&[&title, "coefficients", "held-out σ, °/h", ""], shown)
 }
-
-/// A residual of this many noise floors is worth a warning.
-const UNEXPLAINED: f64 = 3.0;

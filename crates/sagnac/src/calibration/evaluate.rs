@@ -16,29 +16,7 @@ use crate::model::{ActsOn, Shape};
 type RateOf<'a> = &'a dyn Fn(&Input) -> f64;
 const AT_REST: RateOf<'static> = &|_| 0.0;
 
-/// A residual below this fraction of the noise floor is not noise alone.
-const BELOW_FLOOR: f64 = 0.9;
-
 impl AxisCalibration {
-    /// Why a residual well below the noise floor is no better than noise: then the floor holds more than noise.
-    pub fn below_floor_note(&self) -> Option<&'static str> {
-        let fit = self.fit.as_ref()?;
-        let below = fit.residual.sigma_dph < BELOW_FLOOR * fit.noise_floor.as_ref()?.value_dph;
-        if below && self.turned() {
-            Some(
-                "the residual is well below the noise floor: turned by a table, a counter's quantization is a saw that the floor takes for noise; \
-                  give [noise] from a record at rest",
-            )
-        } else if below && self.other_signals().next().is_some() {
-            Some(
-                "the residual is well below the noise floor, so the floor holds what an input moves within seconds; compare with the held-out σ \
-                  of other models instead",
-            )
-        } else {
-            None
-        }
-    }
-
     /// The drift at rest at a temperature within the span, with its intervals; `None` outside, or where nothing was
     /// fitted here.
     pub fn predict(&self, celsius: f64) -> Option<Prediction> {

@@ -1,0 +1,148 @@
+//! A fit in sentences: what is worth knowing before it is used. Terminal, page and Python show one list.
+
+use sagnac_units::format::significant;
+
+use crate::calibration::{AxisCalibration, FitDiagnostics};
+
+/// How much a note matters.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum NoteLevel {
+    /// Said of every such fit.
+    Fact,
+    /// To know before use.
+    Note,
+    /// Something is missing, or looks wrong.
+    Warning,
+}
+
+impl NoteLevel {
+    /// In a word.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fact => "fact",
+            Self::Note => "note",
+            Self::Warning => "warning",
+        }
+    }
+}
+
+/// The part of a fit that a note is about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum NoteAbout {
+    /// The prior of its fleet.
+    Prior,
+    /// The scale factor over the plateaus of a rate table.
+    ScaleFactor,
+    /// The form of the curve.
+    Curve,
+    /// Noise, runs and time.
+    Fit,
+    /// The search for its model.
+    Search,
+}
+
+/// A sentence about a fit, without its full stop.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct Note {
+    /// How much it matters.
+    pub level: NoteLevel,
+    /// The part of the fit.
+    pub about: NoteAbout,
+    /// The words.
+    pub text: String,
+}
+
+impl Note {
+    fn of(level: NoteLevel, about: NoteAbout, text: impl Into<String>) -> Self {
+        Self { level, about, text: text.into() }
+    }
+}
+
+/// A residual of this many noise floors is worth a warning.
+const UNEXPLAINED: f64 = 3.0;
+/// A residual below this fraction of the noise floor is not noise alone.
+const BELOW_FLOOR: f64 = 0.9;
+
+impl AxisCalibration {
+    /// Sentences about this axis, in the order of its description.
+    pub fn notes(&self) -> Vec<Note> {
+        let fit = self.fit.as_ref();
+        let prior = fit.and_then(|fit| fit.prior.as_ref()).map(|prior| prior.words());
+        let asymmetry = self.scale_factor().and_then(|scale| scale.asymmetry_note());
+        let warm_up = fit.and(self.correction.warm_up.as_ref());
+        let mut notes = Vec::new();
+        notes.extend(prior.map(|words| Note::of(NoteLevel::Fact, NoteAbout::Prior, words)));
+        notes.extend(asymmetry.map(|note| Note::of(NoteLevel::Note, NoteAbout::ScaleFactor, note)));
+        fit.into_iter().for_each(|fit| of_noise(fit, &mut notes));
+        notes.extend(warm_up.map(|warm_up| {
+            Note::of(NoteLevel::Fact, NoteAbout::Fit, format!("warm-up, corrected: {}", warm_up.words()))
+        }));
+        fit.into_iter().for_each(|fit| of_time_and_search(fit, &mut notes));
+        notes.extend(self.below_floor_note().map(|note| Note::of(NoteLevel::Note, NoteAbout::Search, note)));
+        notes
+    }
+
+    /// Why a residual well below the noise floor is no better than noise: then the floor holds more than noise.
+    fn below_floor_note(&self) -> Option<&'static str> {
+        let fit = self.fit.as_ref()?;
+        let below = fit.residual.sigma_dph < BELOW_FLOOR * fit.noise_floor.as_ref()?.value_dph;
+        if below && self.turned() {
+            Some(
+                "the residual is well below the noise floor: turned by a table, a counter's quantization is a saw that the floor takes for noise; \
+                  give [noise] from a record at rest",
+            )
+        } else if below && self.other_signals().next().is_some() {
+            Some(
+                "the residual is well below the noise floor, so the floor holds what an input moves within seconds; compare with the held-out σ \
+                  of other models instead",
+            )
+        } else {
+            None
+        }
+    }
+}
+
+/// A residual, a curve or runs that noise does not explain.
+fn of_noise(fit: &FitDiagnostics, notes: &mut Vec<Note>) {
+    let over = fit.noise_floor.as_ref().map_or(0.0, |floor| fit.residual.sigma_dph / floor.value_dph);
+    if over > UNEXPLAINED {
+        let text = format!(
+            "the residual is {} times the noise floor: this model does not explain the log (a step, a disturbance, a missing input)",
+            significant(over, 2)
+        );
+        notes.push(Note::of(NoteLevel::Warning, NoteAbout::Fit, text));
+    }
+    notes.extend(fit.lack_of_fit.iter().map(|lack| Note::of(NoteLevel::Warning, NoteAbout::Curve, lack.note())));
+    if fit.noise_exceeds_setup {
+        let text = "the log shows more noise than the setup states: intervals go by the log";
+        notes.push(Note::of(NoteLevel::Warning, NoteAbout::Fit, text));
+    }
+    notes.extend(fit.hidden_in_offsets_dph.map(|hidden| {
+        let text = format!(
+            "each run covers little of the temperatures: run offsets differ by {} °/h (σ), which may be drift; --one-run makes files one run",
+            significant(hidden, 2)
+        );
+        Note::of(NoteLevel::Fact, NoteAbout::Fit, text)
+    }));
+}
+
+/// Effects of time, inputs that moved together, and what the search rejected.
+fn of_time_and_search(fit: &FitDiagnostics, notes: &mut Vec<Note>) {
+    notes.extend(fit.time_effects.iter().map(|effect| {
+        let words = effect.words();
+        let text = format!("{words} (fitted beside the terms, not corrected; residual and held-out σ are without it)");
+        Note::of(NoteLevel::Fact, NoteAbout::Fit, text)
+    }));
+    notes.extend(fit.entanglement.iter().map(|found| Note::of(NoteLevel::Fact, NoteAbout::Fit, found.note())));
+    notes.extend(fit.rejected_inputs.iter().map(|rejected| {
+        let text = format!("input rejected: {}, {}", rejected.input, rejected.reason);
+        Note::of(NoteLevel::Fact, NoteAbout::Search, text)
+    }));
+    notes.extend(fit.rejected_models.iter().map(|rejected| {
+        let text = format!("`{}` would have been selected, but {}", rejected.model, rejected.reason);
+        Note::of(NoteLevel::Warning, NoteAbout::Search, text)
+    }));
+}
