@@ -296,8 +296,10 @@ fn windows_are_written_to_look_at() {
     let lines: Vec<&str> = text.lines().collect();
     assert_eq!((lines.len(), lines[0]), (793, head));
     assert_eq!(lines[1], "0,0,100000000000,100000000000,20,2,,,2968,-40,0,-40,-40");
-    let ran = run(&["inspect", &bench.path("unit.cal.json"), "--windows", &bench.path("no.csv")]);
-    assert!(ran.status == 2 && ran.err.contains("made of a log"), "{}", ran.err);
+    for name in ["unit.cal.json", "w.csv", "w.parquet"] {
+        let ran = run(&["inspect", &bench.path(name), "--windows", &bench.path("no.csv")]);
+        assert!(ran.status == 2 && ran.err.contains("made of a log"), "{name}: {}", ran.err);
+    }
 }
 
 /// An old command is answered with the one that does the same now, and nothing is done.

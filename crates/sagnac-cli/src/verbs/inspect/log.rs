@@ -76,17 +76,20 @@ pub(super) fn several(paths: &[PathBuf], wanted: &Wanted<'_>, console: &mut Cons
     described(&windows, Vec::new(), "logs", &setup, wanted, console)
 }
 
-pub(super) fn log(path: &Path, wanted: &Wanted<'_>, console: &mut Console) -> Result<()> {
+/// False for what is no log any more: corrected rows, or windows.
+pub(super) fn log(path: &Path, wanted: &Wanted<'_>, console: &mut Console) -> Result<bool> {
     let given = wanted.reading.setup.over(Setup::default())?;
     let (reader, setup) = match open_as_far_as_known(path, given) {
-        Err(error) if error.what == already_compensated().what => return results::compensated(None, console),
-        Err(error) if error.what == table_of_windows().what => return results::windows(console),
+        Err(error) if error.what == already_compensated().what => {
+            return results::compensated(None, console).map(|()| false);
+        }
+        Err(error) if error.what == table_of_windows().what => return results::windows(console).map(|()| false),
         opened => opened?,
     };
     let shape = reader.shape().clone();
     console.say(shape_text(&shape));
     let windows = wanted.reading.outliers(WindowBuilder::read_all(vec![reader], &setup)?).finish();
-    described(&windows, shape.ignored, "log", &setup, wanted, console)
+    described(&windows, shape.ignored, "log", &setup, wanted, console).map(|()| true)
 }
 
 /// Opens a log. Counts without a stated scale are read with 1 arcsec per count, so that °/h means counts per second; the

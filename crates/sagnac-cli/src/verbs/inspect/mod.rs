@@ -61,9 +61,11 @@ impl Verb for Args {
             return Ok(Outcome::Done);
         };
         let kind = loading::kind_of(file)?;
-        if (self.report.is_asked() || self.windows.is_some()) && !matches!(kind, Kind::Log) {
-            let what = "a report and a table of windows are made of a log";
-            return Err(Error::input(what).file(file.display().to_string()));
+        let is_more_asked = self.report.is_asked() || self.windows.is_some();
+        let no_log =
+            || Error::input("a report and a table of windows are made of a log").file(file.display().to_string());
+        if is_more_asked && !matches!(kind, Kind::Log) {
+            return Err(no_log());
         }
         match kind {
             Kind::Image => image::image(file, console)?,
@@ -78,8 +80,9 @@ impl Verb for Args {
                 }
             },
             Kind::Log => {
-                if !results::recognised(file, console)? {
-                    log::log(file, &wanted, console)?;
+                let is_log = !results::recognised(file, console)? && log::log(file, &wanted, console)?;
+                if is_more_asked && !is_log {
+                    return Err(no_log());
                 }
             }
         }
