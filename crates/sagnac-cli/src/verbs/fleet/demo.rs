@@ -13,6 +13,7 @@ use sagnac_sim::{Factory, LaggedChamber, Leg, Row, csv_bytes};
 use sagnac_units::format::counted;
 
 use crate::output::console::{Console, Outcome, Ran};
+use crate::output::shell::command_line;
 use crate::verbs::verb::Verb;
 
 /// Simulate a factory: 200 units, what their tests say, and a shorter test for the next twenty
@@ -174,8 +175,7 @@ impl Site<'_> {
 
     /// A command of this program, as it is shown. Of a fleet's many lines the last alone; some of its units may fail.
     fn sagnac(&self, console: &mut Console, args: &[&str], is_of_units: bool) -> Result<()> {
-        let quoted = |arg: &&str| if arg.contains([' ', '{']) { format!("'{arg}'") } else { (*arg).to_owned() };
-        console.say(format!("\n$ sagnac {}", args.iter().map(quoted).collect::<Vec<_>>().join(" ")));
+        console.say(format!("\n$ sagnac {}", command_line(args)));
         let program = std::env::current_exe().map_err(|e| Error::io("this program", "find", &e))?;
         let output = Command::new(program).args(args).current_dir(self.folder).output();
         let output = output.map_err(|e| Error::io("this program", "start", &e))?;
