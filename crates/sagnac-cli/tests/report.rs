@@ -44,3 +44,26 @@ fn the_report_of_a_day_is_small_and_always_the_same() {
     // The report states that a retest on the log of the fit proves nothing.
     assert!(String::from_utf8(read("proof.html")).unwrap().contains("This is no proof"));
 }
+
+/// A warning that the terminal prints about a fit stands on its page, in the same words.
+#[test]
+fn terminal_and_page_have_the_same_notes() {
+    let folder = TempDir::new().unwrap();
+    let data = |name: &str| format!("{}/../../testdata/chamber/{name}", env!("CARGO_MANIFEST_DIR"));
+    let args = ["calibrate", &data("cycle-1.csv.gz"), "--setup", &data("bench.toml"), "--model", "bias 0"];
+    let ran = Sagnac::cargo_bin("sagnac")
+        .unwrap()
+        .current_dir(folder.path())
+        .args(args)
+        .args(["--report", "u.html"])
+        .output();
+    let said = String::from_utf8(ran.unwrap().stderr).unwrap();
+    let warnings: Vec<&str> = said.lines().filter_map(|line| line.strip_prefix("warning: ")).collect();
+    assert!(warnings.iter().any(|line| line.contains("the rows contradict this model")), "{said}");
+    let page = std::fs::read_to_string(folder.path().join("u.html")).unwrap();
+    for warning in warnings {
+        // Some name their axis, which the page's verdict is about already.
+        let words = warning.strip_prefix("axis z: ").unwrap_or(warning);
+        assert!(page.contains(&format!("Warning: {words}.")), "{words}");
+    }
+}
