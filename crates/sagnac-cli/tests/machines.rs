@@ -68,7 +68,7 @@ fn one_thread_is_enough() {
         format!("{CALIBRATE} log.csv -o out"),
         "calibrate log.csv --arcsec-per-count 0.15125 --reference 20 -o out".to_owned(),
         "allan log.csv --arcsec-per-count 0.15125 --json".to_owned(),
-        "window log.csv --arcsec-per-count 0.15125 -o out".to_owned(),
+        "inspect log.csv --arcsec-per-count 0.15125 --windows out".to_owned(),
         "verify unit.cal.json log.csv --json".to_owned(),
         "calibrate run.parquet --setup bench.toml -o out".to_owned(),
     ] {

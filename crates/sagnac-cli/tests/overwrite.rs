@@ -83,7 +83,7 @@ fn inputs_and_outputs_are_kept_apart() {
         "compare unit.cal.json unit.cal.json --limits limits.toml --report limits.toml".to_owned(),
         "compensate unit.cal.json log.csv -o unit.cal.json".to_owned(),
         "compensate unit.cal.json log.csv --setup bench.toml -o bench.toml".to_owned(),
-        "window log.csv --setup bench.toml -o bench.toml".to_owned(),
+        "inspect log.csv --setup bench.toml --windows bench.toml".to_owned(),
         "allan log.csv --setup bench.toml -o bench.toml".to_owned(),
         "allan log.csv --setup bench.toml -o new.csv --report new.csv".to_owned(),
         "evaluate unit.cal.json --at 20,25 -o unit.cal.json".to_owned(),

@@ -449,7 +449,7 @@ fn files(by: &Good) -> Vec<Case> {
         on("disk full", "calibrate log.csv --arcsec-per-count 1.059 --quantum 0.25 -o /dev/full").place("/dev/full"),
         on("report on a full disk", "calibrate log.csv --arcsec-per-count 1.059 --quantum 0.25 --report /dev/full")
             .place("/dev/full"),
-        on("table on a full disk", "window log.csv --arcsec-per-count 1.059 --quantum 0.25 -o /dev/full")
+        on("table on a full disk", "inspect log.csv --arcsec-per-count 1.059 --quantum 0.25 --windows /dev/full")
             .place("/dev/full"),
         case("corrected log on a full disk", "compensate unit.cal.json log.csv -o /dev/full")
             .file("log.csv", good())

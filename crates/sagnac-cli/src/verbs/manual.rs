@@ -165,14 +165,14 @@ fn section(command: &mut Command, heading: &str) -> String {
     let usage = command.render_usage().to_string().replace("Usage: ", "");
     let about = command.get_long_about().or(command.get_about()).map_or(String::new(), ToString::to_string);
     let mut out = format!(
-        "\n{heading} {}\n\n{}\n\n```text\n{}\n```\n\n",
+        "\n{heading} {}\n\n{}\n\n```text\n{}\n```\n",
         command.get_bin_name().unwrap_or_default(),
         about.trim(),
         usage.trim()
     );
     let mut arguments = command.get_arguments().filter(|arg| arg.get_id() != "help" && !is_setup(arg)).peekable();
     if arguments.peek().is_some() {
-        out += "| argument | |\n|---|---|\n";
+        out += "\n| argument | |\n|---|---|\n";
     }
     for arg in arguments {
         out += &format!("| `{}` | {} |\n", form(arg), meaning(arg));
