@@ -13,28 +13,17 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
+use crate::ingest::feed::{Feed, Parser};
 use crate::ingest::raw::RawRows;
-use crate::ingest::text::{LineParser, TextFeed};
 use crate::threads::{helpers, spawn};
 
 /// More threads than this do not read one log faster: hashing is sequential.
 const MAX_HELPERS: usize = 3;
 
-/// A decoder of a binary table: the next rows, or false at the end.
-pub(crate) trait TableFeed: Send {
-    fn next(&mut self, rows: &mut RawRows) -> Result<bool>;
-}
-
-/// Where pieces come from.
-pub(crate) enum Feed {
-    Text(TextFeed, Box<LineParser>),
-    Table(Box<dyn TableFeed>),
-}
-
 /// Feed and numbering of its pieces; whoever holds it reads.
 struct Reading {
     /// `None` at the end: the file is closed there, whichever threads still hold this.
-    feed: Option<Feed>,
+    feed: Option<Box<dyn Feed>>,
     read: u64,
 }
 
@@ -66,7 +55,7 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 /// What one thread needs to turn bytes into rows.
 struct Worker {
     text: Vec<u8>,
-    parser: Option<LineParser>,
+    parser: Option<Box<dyn Parser>>,
 }
 
 impl Shared {
@@ -75,10 +64,7 @@ impl Shared {
         let Some(feed) = &mut reading.feed else { return false };
         let mut rows = lock(&self.ready).spare.pop().unwrap_or_default();
         // A panic of a third-party decoder means that the file is damaged.
-        let read = catch_unwind(AssertUnwindSafe(|| match feed {
-            Feed::Text(feed, _) => feed.next(&mut worker.text),
-            Feed::Table(feed) => feed.next(&mut rows),
-        }));
+        let read = catch_unwind(AssertUnwindSafe(|| feed.next(&mut worker.text, &mut rows)));
         let read = read.unwrap_or_else(|_| Err(Error::input("a damaged file (its decoder gave up)")));
         let number = reading.read;
         if matches!(read, Ok(false)) {
@@ -137,26 +123,23 @@ pub(crate) struct ChunkReader {
     shared: Arc<Shared>,
     worker: Worker,
     /// Helpers to be started when there is more than one piece.
-    helpers: usize,
+    helpers: Vec<Worker>,
     next: u64,
     lines: u64,
 }
 
 impl ChunkReader {
     /// `lines_before`: lines of the file above its first row. Without `parallel` nothing is read ahead.
-    pub(crate) fn new(feed: Feed, lines_before: u64, parallel: bool) -> Self {
-        let parser = match &feed {
-            Feed::Text(_, parser) => Some(parser.as_ref().clone()),
-            Feed::Table(_) => None,
-        };
-        let helpers = if parallel { helpers(MAX_HELPERS) } else { 0 };
+    pub(crate) fn new(feed: Box<dyn Feed>, lines_before: u64, parallel: bool) -> Self {
+        let worker = || Worker { text: Vec::new(), parser: feed.parser() };
+        let most = if parallel { helpers(MAX_HELPERS) } else { 0 };
+        let (worker, helpers) = (worker(), (0..most).map(|_| worker()).collect());
         let shared = Shared {
             reading: Mutex::new(Reading { feed: Some(feed), read: 0 }),
             ready: Mutex::default(),
             changed: Condvar::new(),
-            room: 2 + 2 * helpers,
+            room: 2 + 2 * most,
         };
-        let worker = Worker { text: Vec::new(), parser };
         Self { shared: Arc::new(shared), worker, helpers, next: 0, lines: lines_before }
     }
 
@@ -220,9 +203,8 @@ impl ChunkReader {
     }
 
     fn start_helpers(&mut self) {
-        for _ in 0..self.helpers {
+        for worker in self.helpers.drain(..) {
             let shared = Arc::clone(&self.shared);
-            let worker = Worker { text: Vec::new(), parser: self.worker.parser.clone() };
             // Without a further thread this one does all the work.
             let _ = spawn("read", move || shared.help(worker));
         }

@@ -12,9 +12,10 @@ use arrow_array::{Array, ArrowPrimitiveType};
 use arrow_schema::{DataType, TimeUnit};
 
 use crate::ingest::iso::iso_text;
-use crate::ingest::number::{ISO_8601, SPREADSHEET_DAYS, parse_flag, parse_time_ns, parse_value, time_ns_of};
+use crate::ingest::number::{
+    ISO_8601, SPREADSHEET_DAYS, is_missing, parse_flag, parse_time_ns, parse_value, time_ns_of,
+};
 use crate::ingest::raw::{Faults, NO_TIME};
-use crate::ingest::text_head::is_missing;
 
 /// Powers of ten of the units of Arrow's times to ns.
 const UNITS: [(TimeUnit, u32); 4] =

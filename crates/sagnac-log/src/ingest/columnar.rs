@@ -8,27 +8,24 @@
 //! file, every length that it would trust is checked against the length of the file.
 
 use std::fs::File;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::thread::JoinHandle;
 
 use arrow_array::{Array, RecordBatch};
 use arrow_schema::{ArrowError, DataType, Schema, SchemaRef};
 use csv::ByteRecord;
-use parquet::errors::ParquetError;
 
 use crate::error::{Error, Result};
-use crate::ingest::ReadMode;
 use crate::ingest::arrow_file::{ArrowForm, arrow_reader, check_arrow};
-use crate::ingest::chunks::TableFeed;
 use crate::ingest::column_values::{flags, has_values, numbers, text_bytes, texts, time_text, times};
+use crate::ingest::feed::{Feed, MAX_LINE_BYTES, ReadMode};
+use crate::ingest::guard::{clone_of, guarded, parquet_broken, unread};
 use crate::ingest::header::Layout;
 use crate::ingest::number::ISO_8601;
 use crate::ingest::parquet_file::{ParquetRead, decoded_type, parquet_batches, parquet_schema};
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
 use crate::ingest::row_hash::RowHash;
 use crate::ingest::source::{HashHandle, Source};
-use crate::ingest::text::MAX_LINE_BYTES;
 use crate::memory::MemoryBudget;
 use crate::threads::spawn;
 
@@ -46,10 +43,10 @@ enum Form {
 }
 
 impl Form {
-    fn of(magic: &[u8]) -> Self {
-        match magic {
-            b"PAR1" => Self::Parquet,
-            b"ARROW1" => Self::Arrow(ArrowForm::File),
+    fn of(start: &[u8]) -> Self {
+        match start {
+            [b'P', ..] => Self::Parquet,
+            [b'A', ..] => Self::Arrow(ArrowForm::File),
             _ => Self::Arrow(ArrowForm::Stream),
         }
     }
@@ -93,24 +90,9 @@ enum Hashing {
 /// A batch iterator of either decoder.
 type Batches = Box<dyn Iterator<Item = std::result::Result<RecordBatch, ArrowError>> + Send>;
 
-pub(super) fn broken(what: &str, error: &dyn std::fmt::Display) -> Error {
-    Error::input(format!("not a readable {what}: {error}"))
-}
-
-/// An error of a decoder, or one of our own in it.
-fn unread(what: &str, error: ArrowError) -> Error {
-    match error {
-        ArrowError::ExternalError(error) => match error.downcast::<Error>() {
-            Ok(own) => *own,
-            Err(other) => broken(what, &other),
-        },
-        error => broken(what, &error),
-    }
-}
-
 /// Opens the file and reads the names of its columns.
 pub(crate) fn open(source: Source, memory: MemoryBudget) -> Result<Columnar> {
-    let form = Form::of(source.format.magic);
+    let form = Form::of(&source.start);
     let (mut file, hashing) = match source.plain_file.clone() {
         Some(path) => {
             let file = File::open(&path).map_err(|e| Error::io_path(&path, "open", &e))?;
@@ -136,26 +118,6 @@ pub(crate) fn of_table(table: MemoryTable, hash: HashHandle, memory: MemoryBudge
 
 fn names(schema: &Schema) -> Vec<String> {
     schema.fields().iter().map(|field| field.name().clone()).collect()
-}
-
-fn parquet_broken(error: ParquetError) -> Error {
-    match error {
-        // Our own, with what to do.
-        ParquetError::External(error) => match error.downcast::<Error>() {
-            Ok(own) => *own,
-            Err(other) => broken("Parquet file", &other),
-        },
-        error => broken("Parquet file", &error),
-    }
-}
-
-pub(super) fn clone_of(file: &File) -> Result<File> {
-    file.try_clone().map_err(|e| Error::input(format!("cannot read: {e}")))
-}
-
-/// Runs a decoder; its panic becomes an error about the file.
-pub(super) fn guarded<T>(decode: impl FnOnce() -> Result<T>) -> Result<T> {
-    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err(Error::input("a damaged file (its decoder gave up)")))
 }
 
 /// All bytes of a source in a private temporary file.
@@ -249,8 +211,8 @@ pub(crate) struct ColumnFeed {
     waiting: Option<(RecordBatch, usize)>,
 }
 
-impl TableFeed for ColumnFeed {
-    fn next(&mut self, rows: &mut RawRows) -> Result<bool> {
+impl Feed for ColumnFeed {
+    fn next(&mut self, _: &mut Vec<u8>, rows: &mut RawRows) -> Result<bool> {
         // An Arrow batch may be of any size.
         let (batch, done) = match self.waiting.take() {
             Some(waiting) => waiting,

@@ -1,17 +1,16 @@
 //! The formats of a log: its first bytes, its name, and how it is opened. A new format is a row of [`FORMATS`].
 
 use crate::error::Result;
-use crate::ingest::chunks::Feed;
 #[cfg(feature = "parquet")]
 use crate::ingest::columnar::MemoryTable;
+use crate::ingest::feed::{Opened, ReadMode};
 #[cfg(any(feature = "parquet", feature = "ulog"))]
 use crate::ingest::header::Layout;
 #[cfg(feature = "parquet")]
 use crate::ingest::source::HashHandle;
 use crate::ingest::source::Source;
-use crate::ingest::text::{LineParser, TextFeed};
+use crate::ingest::text::TextFeed;
 use crate::ingest::text_head::{self, TextHeader};
-use crate::ingest::{Opened, ReadMode};
 use crate::setup::ReadConfig;
 
 /// A format of a log, without gzip.
@@ -61,8 +60,7 @@ impl Format {
 fn open_text(mut source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
     let header = text_head::read_header(&mut source, config)?;
     let layout = text_head::layout_of(&header, config)?;
-    let parser = LineParser::new(&layout, header.delimiter, mode);
-    let feed = Feed::Text(TextFeed::new(source.reader, mode), Box::new(parser));
+    let feed = Box::new(TextFeed::new(source.reader, &layout, header.delimiter, mode));
     let TextHeader { delimiter, lines, assumed, .. } = header;
     Ok(Opened { feed, layout, delimiter, lines_before: lines, assumed })
 }
@@ -92,7 +90,7 @@ fn unmapped_columns(source: Source, config: &ReadConfig) -> Result<Opened> {
 
 #[cfg(feature = "parquet")]
 fn with_layout(columnar: crate::ingest::columnar::Columnar, layout: Layout, mode: ReadMode) -> Result<Opened> {
-    let feed = Feed::Table(Box::new(columnar.feed(&layout, mode)?));
+    let feed = Box::new(columnar.feed(&layout, mode)?);
     // As if one line of headers preceded the rows.
     Ok(Opened { feed, layout, delimiter: b',', lines_before: 1, assumed: Vec::new() })
 }
@@ -100,8 +98,7 @@ fn with_layout(columnar: crate::ingest::columnar::Columnar, layout: Layout, mode
 #[cfg(feature = "ulog")]
 fn open_ulog(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
     let (feed, layout): (_, Layout) = crate::ingest::ulog::open(source, config, mode != ReadMode::Bulk)?;
-    let feed = Feed::Table(Box::new(feed));
-    Ok(Opened { feed, layout, delimiter: b',', lines_before: 1, assumed: Vec::new() })
+    Ok(Opened { feed: Box::new(feed), layout, delimiter: b',', lines_before: 1, assumed: Vec::new() })
 }
 
 fn unmapped_text(source: Source, config: &ReadConfig) -> Result<Opened> {
@@ -115,17 +112,17 @@ fn unmapped_ulog(source: Source, config: &ReadConfig) -> Result<Opened> {
 
 #[cfg(not(feature = "parquet"))]
 fn unmapped_columns(source: Source, _: &ReadConfig) -> Result<Opened> {
-    Err(crate::error::Error::without(source.format.name))
+    Err(crate::error::Error::without(Format::of(&source.start).name))
 }
 
 #[cfg(not(feature = "parquet"))]
 fn open_columns(source: Source, _: &ReadConfig, _: ReadMode) -> Result<Opened> {
-    Err(crate::error::Error::without(source.format.name))
+    Err(crate::error::Error::without(Format::of(&source.start).name))
 }
 
 #[cfg(not(feature = "ulog"))]
 fn open_ulog(source: Source, _: &ReadConfig, _: ReadMode) -> Result<Opened> {
-    Err(crate::error::Error::without(source.format.name))
+    Err(crate::error::Error::without(Format::of(&source.start).name))
 }
 
 #[cfg(test)]

@@ -3,14 +3,15 @@
 use std::collections::{BTreeMap, HashSet};
 
 use crate::error::{Error, Result};
-use crate::ingest::Content;
 use crate::ingest::number::{ISO_8601, SPREADSHEET_DAYS};
-use crate::ingest::table::TableColumn;
 use sagnac_units::format::controls;
 use sagnac_units::{DPH_PER_DPS, DPH_PER_RADPS, KELVIN_AT_0_C};
 
 /// Header prefix of the program's own compensated output.
 pub const COMPENSATED_PREFIX: &str = "compensated_";
+
+/// First words of the comment that `sagnac compensate` puts above its output.
+pub const COMPENSATED_STAMP: &str = "# sagnac compensated";
 
 /// Recognised forms, for messages.
 pub const RECOGNISED: &str = "time_s|_ms|_us|_ns, time or timestamp (ISO 8601), temperature_c|_k[_name], counts[_x|_y|_z], \
@@ -53,6 +54,28 @@ const MORE_TIME_WORDS: [&str; 8] = ["t", "s", "sec", "seconds", "elapsed", "hour
 const MAX_THERMOMETERS: usize = 32;
 /// Most auxiliary columns of a log.
 const MAX_AUX: usize = 256;
+
+/// Content of a column of a log.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Content {
+    /// Whole nanoseconds.
+    Nanoseconds,
+    /// A number.
+    Number,
+    /// Anything.
+    Text,
+}
+
+/// Quantity in the column of a rate table.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TableColumn {
+    /// Its rate, °/s.
+    Rate,
+    /// Its angle, degrees.
+    Angle,
+    /// Completed revolutions.
+    Mark,
+}
 
 /// What a column is.
 #[derive(Clone, Debug, PartialEq)]

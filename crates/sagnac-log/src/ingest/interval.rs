@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 
 use crate::error::{Error, Result};
-use crate::ingest::ReadMode;
 use crate::ingest::chunks::ChunkReader;
+use crate::ingest::feed::ReadMode;
 use crate::ingest::header::Layout;
 use crate::ingest::raw::{Faults, RawRows};
 use crate::setup::ReadConfig;

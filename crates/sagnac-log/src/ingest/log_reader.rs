@@ -15,12 +15,12 @@ use std::thread::Scope;
 use crate::error::{Error, Result};
 use crate::ingest::align::Aligner;
 use crate::ingest::batch::Batch;
-use crate::ingest::chunks::{ChunkReader, Feed};
+use crate::ingest::chunks::ChunkReader;
 #[cfg(feature = "parquet")]
 use crate::ingest::columnar::MemoryTable;
-#[cfg(feature = "parquet")]
-use crate::ingest::formats;
-use crate::ingest::header::Layout;
+use crate::ingest::feed::{Opened, ReadMode};
+use crate::ingest::formats::Format;
+use crate::ingest::header::{Content, Layout, TableColumn};
 use crate::ingest::interval::nominal_interval;
 use crate::ingest::raw::RawRows;
 use crate::ingest::reason::Tallies;
@@ -29,7 +29,7 @@ use crate::ingest::running_total::RunningTotal;
 use crate::ingest::shape::{AngleUnit, LogShape};
 use crate::ingest::sketch::Sketch;
 use crate::ingest::source::{HashHandle, Source, Watch};
-use crate::ingest::table::{TableColumn, TableRates};
+use crate::ingest::table::TableRates;
 use crate::setup::{Counter, ReadConfig, Setup};
 use crate::threads::{helpers, spawn_in};
 use sagnac_units::ns_from_s;
@@ -49,28 +49,6 @@ pub struct LogSummary {
     pub rows_sketch: String,
     /// Its clock restarts and its running total goes on: its times go on from the file before.
     pub follows_by_counter: bool,
-}
-
-/// How a log is to be read.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ReadMode {
-    /// Large batches; the nominal interval from the first rows.
-    Bulk,
-    /// The same, and rows kept as text, for a log that is written out again.
-    BulkWithText,
-    /// A batch per row and rows kept as text: for a pipe that must answer line by line.
-    LineByLine,
-}
-
-/// Content of a column of a log.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Content {
-    /// Whole nanoseconds.
-    Nanoseconds,
-    /// A number.
-    Number,
-    /// Anything.
-    Text,
 }
 
 /// Batches that are passed on before a thread is started for them.
@@ -145,14 +123,14 @@ impl LogReader {
     pub fn from_table(table: MemoryTable, setup: &Setup, mode: ReadMode) -> Result<Self> {
         let (name, hash) = (table.name.clone(), HashHandle::default());
         let config = setup.stages().read;
-        let opened = formats::open_table(table, hash.clone(), &config, mode);
+        let opened = crate::ingest::formats::open_table(table, hash.clone(), &config, mode);
         opened.and_then(|opened| Self::start(opened, &name, hash, &config, mode)).map_err(|e| e.file(name))
     }
 
     fn from_source(source: Source, setup: &Setup, mode: ReadMode) -> Result<Self> {
         let (name, hash) = (source.name.clone(), source.hash.clone());
         let config = setup.stages().read;
-        let opened = source.format.open(source, &config, mode);
+        let opened = Format::of(&source.start).open(source, &config, mode);
         opened.and_then(|opened| Self::start(opened, &name, hash, &config, mode)).map_err(|e| e.file(name))
     }
 
@@ -428,15 +406,6 @@ impl LogReader {
 /// A rate of the table that is none is missing.
 fn forget_impossible(reference_dps: &mut [f64]) {
     reference_dps.iter_mut().filter(|rate| rate.abs() > rows::MAX_RATE_DPS).for_each(|rate| *rate = f64::NAN);
-}
-
-/// A log whose header has been read.
-pub(crate) struct Opened {
-    pub(super) feed: Feed,
-    pub(super) layout: Layout,
-    pub(super) delimiter: u8,
-    pub(super) lines_before: u64,
-    pub(super) assumed: Vec<String>,
 }
 
 fn angle_unit(layout: &Layout, config: &ReadConfig) -> Result<AngleUnit> {

@@ -27,6 +27,12 @@ fn without_thousands(text: &str, decimal_comma: bool) -> Option<String> {
     (sound && certain && decimals).then(|| format!("{sign}{}.{fraction}0", groups.concat()))
 }
 
+/// What spreadsheets and loggers write where there is no value.
+pub(crate) fn is_missing(field: &[u8]) -> bool {
+    const WORDS: [&[u8]; 9] = [b"-", b"--", b"nan", b"na", b"n/a", b"#n/a", b"null", b"none", b"#value!"];
+    field.len() <= 7 && WORDS.iter().any(|word| field.eq_ignore_ascii_case(word))
+}
+
 /// Powers of ten that `f64` holds exactly.
 const EXACT_POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,

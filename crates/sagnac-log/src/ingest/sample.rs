@@ -7,13 +7,14 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::ingest::Opened;
 use crate::ingest::chunks::ChunkReader;
+use crate::ingest::feed::Opened;
+use crate::ingest::formats::Format;
 use crate::ingest::iso::iso_ns;
-use crate::ingest::number::parse_value;
+use crate::ingest::number::{is_missing, parse_value};
 use crate::ingest::raw::RawRows;
 use crate::ingest::source::Source;
-use crate::ingest::text_head::{Head, delimiter_of, fit_to_rows, is_missing, is_unit, refuse_binary, split};
+use crate::ingest::text_head::{Head, delimiter_of, fit_to_rows, is_unit, refuse_binary, split};
 use crate::setup::ReadConfig;
 use sagnac_units::s_from_ns;
 
@@ -97,12 +98,16 @@ pub fn sample_reader(name: &str, reader: Box<dyn Read + Send>) -> Result<Sample>
 
 fn sampled(source: Source) -> Result<Sample> {
     let config = ReadConfig::default();
-    if source.format.magic.is_empty() { sampled_text(source, &config) } else { sampled_columns(source, &config) }
+    if Format::of(&source.start).magic.is_empty() {
+        sampled_text(source, &config)
+    } else {
+        sampled_columns(source, &config)
+    }
 }
 
 /// The first rows of a format of columns, as a text log would have them.
 fn sampled_columns(source: Source, config: &ReadConfig) -> Result<Sample> {
-    let Opened { feed, layout, lines_before, assumed, .. } = source.format.open_unmapped(source, config)?;
+    let Opened { feed, layout, lines_before, assumed, .. } = Format::of(&source.start).open_unmapped(source, config)?;
     let mut pieces = ChunkReader::new(feed, lines_before, false);
     let mut columns: Vec<SampleColumn> =
         layout.headers.into_iter().map(|header| SampleColumn { header, unit: None, cells: Vec::new() }).collect();

@@ -1,7 +1,7 @@
 //! Bytes of a log: opened, hashed, unpacked.
 //!
 //! ```text
-//! file or stdin ─▶ SHA-256 ─▶ gunzip if it is gzip ─▶ reader, and the format of its first bytes
+//! file or stdin ─▶ SHA-256 ─▶ gunzip if it is gzip ─▶ first bytes, which tell the format ─▶ UTF-16 to UTF-8 ─▶ reader
 //! ```
 
 use std::fs::File;
@@ -13,11 +13,11 @@ use flate2::bufread::MultiGzDecoder;
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
-use crate::ingest::formats::{FORMATS, Format};
 
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
-/// Byte order marks of UTF-16.
-const UTF16_MARKS: [[u8; 2]; 2] = [[0xff, 0xfe], [0xfe, 0xff]];
+/// So many first bytes tell every format.
+pub(crate) const FIRST_BYTES: usize = 8;
+
 /// The running hash of what was read.
 #[derive(Clone, Default)]
 pub(crate) struct HashHandle(Arc<Mutex<Sha256>>);
@@ -29,7 +29,6 @@ impl HashHandle {
     }
 
     /// Forgets what was read, and reads all of `bytes`.
-    #[cfg(feature = "parquet")]
     pub(crate) fn begin_anew_with(&self, bytes: impl Read) -> std::io::Result<()> {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Sha256::default();
         let mut hashing = HashingReader { inner: bytes, hash: self.clone() };
@@ -58,8 +57,7 @@ pub fn sha256(bytes: &[u8]) -> [u8; 32] {
 pub fn sha256_of_file(path: &Path) -> Result<String> {
     let hash = HashHandle::default();
     let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
-    let mut hashing = HashingReader { inner: file, hash: hash.clone() };
-    std::io::copy(&mut hashing, &mut std::io::sink()).map_err(|e| Error::io_path(path, "read", &e))?;
+    hash.begin_anew_with(file).map_err(|e| Error::io_path(path, "read", &e))?;
     Ok(hash.hex())
 }
 
@@ -81,7 +79,8 @@ pub(crate) struct Source {
     pub(crate) name: String,
     pub(crate) reader: Box<dyn BufRead + Send>,
     pub(crate) hash: HashHandle,
-    pub(crate) format: &'static Format,
+    /// Its first bytes, unpacked: fewer than [`FIRST_BYTES`] of a short first line.
+    pub(crate) start: Vec<u8>,
     /// The file that holds exactly these bytes: decoders that seek open it again.
     pub(crate) plain_file: Option<PathBuf>,
     packed: bool,
@@ -131,25 +130,20 @@ impl Source {
     pub(crate) fn from_reader(name: String, raw: Box<dyn Read + Send>) -> Result<Self> {
         let hash = HashHandle::default();
         let hashed = HashingReader { inner: raw, hash: hash.clone() };
-        let mut reader: Box<dyn BufRead + Send> = Box::new(BufReader::with_capacity(1 << 16, hashed));
-        let start;
-        (reader, start) = first_bytes(reader, &name)?;
-        let mut format = Format::of(&start);
+        let reader = Box::new(BufReader::with_capacity(1 << 16, hashed));
+        let (mut reader, mut start) = first_bytes(reader, &name)?;
         let packed = start.starts_with(&GZIP_MAGIC);
         if packed {
             let unpacked = BufReader::with_capacity(1 << 16, MultiGzDecoder::new(reader));
-            let (inner, start) = first_bytes(Box::new(unpacked), &name)?;
-            (reader, format) = (inner, Format::of(&start));
+            (reader, start) = first_bytes(Box::new(unpacked), &name)?;
         }
         let mut assumed = Vec::new();
-        let start;
-        (reader, start) = first_bytes(reader, &name)?;
         if let Some(encoding) = utf16_of(&start) {
             let decoded = encoding_rs_io::DecodeReaderBytesBuilder::new().bom_override(true).build(reader);
             reader = Box::new(BufReader::with_capacity(1 << 16, decoded));
             assumed.push(format!("text in {encoding}"));
         }
-        Ok(Self { name, reader, hash, format, plain_file: None, packed, assumed })
+        Ok(Self { name, reader, hash, start, plain_file: None, packed, assumed })
     }
 }
 
@@ -163,36 +157,10 @@ fn utf16_of(start: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// The first bytes of a reader, and a reader that still has them. A pipe may give them one by one; more bytes are
-/// awaited only while those read so far match the start of a format.
+/// The first bytes of a reader, and a reader that still has them. A pipe may give them one by one; a line that ends earlier is text.
 fn first_bytes(mut reader: Box<dyn BufRead + Send>, name: &str) -> Result<(Box<dyn BufRead + Send>, Vec<u8>)> {
-    let failed = |e: std::io::Error| Error::io(name, "read", &e);
-    let marks = || {
-        FORMATS
-            .iter()
-            .map(|format| format.magic)
-            .chain([GZIP_MAGIC.as_slice()])
-            .chain(UTF16_MARKS.iter().map(<[u8; 2]>::as_slice))
-    };
-    let longest = marks().map(<[u8]>::len).max().unwrap_or(0);
-    let undecided = |start: &[u8]| marks().any(|mark| mark.len() > start.len() && mark.starts_with(start));
-    let mut start = loop {
-        match reader.fill_buf() {
-            Ok(bytes) => break bytes[..bytes.len().min(longest)].to_vec(),
-            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
-            Err(e) => return Err(failed(e)),
-        }
-    };
-    if start.is_empty() || !undecided(&start) {
-        return Ok((reader, start));
-    }
-    reader.consume(start.len());
-    while undecided(&start) {
-        let before = start.len();
-        reader.by_ref().take(1).read_to_end(&mut start).map_err(failed)?;
-        if start.len() == before {
-            break;
-        }
-    }
+    let mut start = Vec::new();
+    let read = reader.by_ref().take(FIRST_BYTES as u64).read_until(b'\n', &mut start);
+    read.map_err(|e| Error::io(name, "read", &e))?;
     Ok((Box::new(Cursor::new(start.clone()).chain(reader)), start))
 }

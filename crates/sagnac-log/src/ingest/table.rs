@@ -9,19 +9,9 @@
 
 use std::collections::VecDeque;
 
-use crate::ingest::Batch;
+use crate::ingest::batch::Batch;
+use crate::ingest::header::TableColumn;
 use sagnac_units::s_from_ns;
-
-/// Quantity in the table's column.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum TableColumn {
-    /// Its rate, °/s.
-    Rate,
-    /// Its angle, degrees.
-    Angle,
-    /// Completed revolutions.
-    Mark,
-}
 
 /// Largest number of pending batches: a revolution of millions of rows has no rate.
 const MOST_WAITING: usize = 256;

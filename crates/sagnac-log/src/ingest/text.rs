@@ -16,19 +16,13 @@ use csv::ByteRecord;
 use memchr::{memchr, memrchr};
 
 use crate::error::{Error, Result};
-use crate::ingest::ReadMode;
 use crate::ingest::cells::{Cells, Slot};
-use crate::ingest::expected::Expected;
+use crate::ingest::feed::{Feed, MAX_LINE_BYTES, Parser, ReadMode};
 use crate::ingest::header::Layout;
-use crate::ingest::number::{parse_flag, parse_time_ns, parse_value};
+use crate::ingest::number::{is_missing, parse_flag, parse_time_ns, parse_value};
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
-use crate::ingest::text::plain::Places;
-use crate::ingest::text_head::is_missing;
+use crate::ingest::text::plain::PlainRows;
 
-/// First words of the comment that `sagnac compensate` puts above its output.
-pub const COMPENSATED_STAMP: &str = "# sagnac compensated";
-/// Longest line of a log.
-pub(crate) const MAX_LINE_BYTES: usize = 1 << 20;
 /// Bytes of a piece.
 const PIECE_BYTES: usize = 256 << 10;
 
@@ -44,15 +38,18 @@ pub(crate) struct TextFeed {
     /// The error that ended the reading, reported after the lines before it.
     failed: Option<Error>,
     line_by_line: bool,
+    parser: LineParser,
 }
 
 impl TextFeed {
-    pub(crate) fn new(reader: Box<dyn BufRead + Send>, mode: ReadMode) -> Self {
-        Self { reader, carried: Vec::new(), failed: None, line_by_line: mode == ReadMode::LineByLine }
+    pub(crate) fn new(reader: Box<dyn BufRead + Send>, layout: &Layout, delimiter: u8, mode: ReadMode) -> Self {
+        let (line_by_line, parser) = (mode == ReadMode::LineByLine, LineParser::new(layout, delimiter, mode));
+        Self { reader, carried: Vec::new(), failed: None, line_by_line, parser }
     }
+}
 
-    /// The next lines into `piece`; false at the end.
-    pub(crate) fn next(&mut self, piece: &mut Vec<u8>) -> Result<bool> {
+impl Feed for TextFeed {
+    fn next(&mut self, piece: &mut Vec<u8>, _: &mut RawRows) -> Result<bool> {
         piece.clear();
         if let Some(error) = self.failed.take() {
             return Err(error);
@@ -82,6 +79,12 @@ impl TextFeed {
         }
     }
 
+    fn parser(&self) -> Option<Box<dyn Parser>> {
+        Some(Box::new(self.parser.clone()))
+    }
+}
+
+impl TextFeed {
     fn fill(&mut self, piece: &mut Vec<u8>) -> std::io::Result<usize> {
         if self.line_by_line {
             return self.reader.by_ref().take(MAX_LINE_BYTES as u64).read_until(b'\n', piece);
@@ -111,12 +114,10 @@ impl TextFeed {
 pub(crate) struct LineParser {
     layout: Layout,
     cells: Cells,
-    /// Per column.
-    expected: Vec<Expected>,
     delimiter: u8,
     decimal_comma: bool,
-    keep_fields: bool,
-    places: Places,
+    /// None where rows are kept as text.
+    plain: Option<PlainRows>,
 }
 
 impl LineParser {
@@ -124,26 +125,24 @@ impl LineParser {
         Self {
             layout: layout.clone(),
             cells: Cells::new(layout),
-            expected: Vec::new(),
             delimiter,
             decimal_comma: delimiter != b',',
-            keep_fields: mode != ReadMode::Bulk,
-            places: Places::new(),
+            plain: (mode == ReadMode::Bulk).then(|| PlainRows::new(delimiter)),
         }
     }
+}
 
+impl Parser for LineParser {
     /// Every row of a piece; it ends in a newline.
-    pub(crate) fn parse(&mut self, piece: &[u8], rows: &mut RawRows) {
+    fn parse(&mut self, piece: &[u8], rows: &mut RawRows) {
         rows.reset(self.layout.axes.len(), self.layout.temperatures.len(), self.layout.aux.len());
-        self.expected.clear();
-        self.expected.resize(self.layout.headers.len(), Expected::default());
-        if !self.keep_fields {
-            self.places.begin(piece);
+        if let Some(plain) = &mut self.plain {
+            plain.begin(piece, self.layout.headers.len());
         }
         let (mut at, mut line) = (0, 0_u32);
         while at < piece.len() {
-            if !self.keep_fields {
-                let (plain, end) = self.plain_rows(piece, at);
+            if let Some(plain) = &mut self.plain {
+                let (plain, end) = plain.read(piece, at, &mut self.cells);
                 if plain > 0 {
                     rows.line.extend(line + 1..=line + plain as u32);
                     line += plain as u32;
@@ -158,7 +157,7 @@ impl LineParser {
             let text = text.strip_suffix(b"\r").unwrap_or(text);
             if !text.is_empty() && text[0] != b'#' {
                 let fields = self.any_row(text);
-                rows.fields.extend(self.keep_fields.then_some(fields));
+                rows.fields.extend(self.plain.is_none().then_some(fields));
                 rows.line.push(line);
             }
             at += length + 1;
@@ -166,7 +165,9 @@ impl LineParser {
         self.cells.hand_over(rows);
         rows.lines = u64::from(line);
     }
+}
 
+impl LineParser {
     /// Reads any row field by field.
     fn any_row(&mut self, text: &[u8]) -> ByteRecord {
         let record = fields_of(text, self.delimiter);
@@ -281,9 +282,10 @@ mod tests {
         #[test]
         fn pieces_are_the_text(text in "[ab\\n]{0,200}", line_by_line: bool) {
             let mode = if line_by_line { ReadMode::LineByLine } else { ReadMode::Bulk };
-            let mut feed = TextFeed::new(Box::new(std::io::Cursor::new(text.clone())), mode);
+            let layout = Layout::default();
+            let mut feed = TextFeed::new(Box::new(std::io::Cursor::new(text.clone())), &layout, b',', mode);
             let (mut all, mut piece) = (Vec::new(), Vec::new());
-            while feed.next(&mut piece).unwrap() {
+            while feed.next(&mut piece, &mut RawRows::default()).unwrap() {
                 prop_assert_eq!(piece.last(), Some(&b'\n'));
                 all.extend_from_slice(&piece);
             }

@@ -14,10 +14,11 @@ use std::borrow::Cow;
 use std::io::{BufRead, Cursor, Read};
 
 use crate::error::{Error, Result};
+use crate::ingest::feed::MAX_LINE_BYTES;
 use crate::ingest::foreign;
-use crate::ingest::header::{self, Layout, Role, role_of};
+use crate::ingest::header::{self, COMPENSATED_STAMP, Layout, Role, role_of};
+use crate::ingest::number::is_missing;
 use crate::ingest::source::Source;
-use crate::ingest::text::{COMPENSATED_STAMP, MAX_LINE_BYTES};
 use crate::setup::ReadConfig;
 
 /// Most blank lines and comments above the headers.
@@ -301,12 +302,6 @@ fn no_row_below(header: u64) -> Error {
     Error::input("the line below the headers is neither a row nor a line of units")
         .line(header + 1)
         .help("a row has a number or nothing in each of its cells")
-}
-
-/// What spreadsheets and loggers write where there is no value.
-pub(crate) fn is_missing(field: &[u8]) -> bool {
-    const WORDS: [&[u8]; 9] = [b"-", b"--", b"nan", b"na", b"n/a", b"#n/a", b"null", b"none", b"#value!"];
-    field.len() <= 7 && WORDS.iter().any(|word| field.eq_ignore_ascii_case(word))
 }
 
 /// The separator of a line `sep=;`, as spreadsheets write it.

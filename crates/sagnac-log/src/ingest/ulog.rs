@@ -24,7 +24,7 @@ use px4_ulog::stream_parser::model::{DataMessage, UlogParseError};
 
 use crate::error::{Error, Result};
 use crate::ingest::cells::Cells;
-use crate::ingest::chunks::TableFeed;
+use crate::ingest::feed::Feed;
 use crate::ingest::header::Layout;
 use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
 use crate::ingest::source::Source;
@@ -265,9 +265,9 @@ pub(crate) struct ULogFeed {
     waiting: VecDeque<Message>,
 }
 
-impl TableFeed for ULogFeed {
+impl Feed for ULogFeed {
     /// Each piece has a parser of its own, which knows only the topics that are read.
-    fn next(&mut self, rows: &mut RawRows) -> Result<bool> {
+    fn next(&mut self, _: &mut Vec<u8>, rows: &mut RawRows) -> Result<bool> {
         let table = RefCell::new(&mut self.table);
         let mut on_data = |message: &DataMessage<'_>| table.borrow_mut().take(message);
         let mut parser = LogParser::default();

@@ -17,16 +17,23 @@ use crate::ingest::expected::Expected;
 use crate::ingest::number::{Decimal, short_whole};
 use crate::ingest::raw::Faults;
 
-use super::LineParser;
-
 /// Bytes whose newlines are found together.
 const WORD: usize = 64;
 /// Most rows that are read together: their fields stay in the nearest cache.
 const MOST_ROWS: usize = 256;
 
+/// Reads the plain rows of a piece.
+#[derive(Clone)]
+pub(super) struct PlainRows {
+    delimiter: u8,
+    /// Per column.
+    expected: Vec<Expected>,
+    places: Places,
+}
+
 /// Places in the piece at hand.
 #[derive(Clone)]
-pub(super) struct Places {
+struct Places {
     /// Of the next field of each row.
     at: Vec<usize>,
     /// Of the newline of each row.
@@ -40,12 +47,8 @@ pub(super) struct Places {
 }
 
 impl Places {
-    pub(super) fn new() -> Self {
-        Self { at: Vec::new(), ends: Vec::new(), rows: MOST_ROWS, newlines: Vec::new(), level: Level::new() }
-    }
-
     /// Finds the newlines of a piece. Lines of a log are too short for a search that begins anew with each.
-    pub(super) fn begin(&mut self, piece: &[u8]) {
+    fn begin(&mut self, piece: &[u8]) {
         self.newlines.clear();
         let newlines = &mut self.newlines;
         dispatch!(self.level, simd => mark(simd, piece, newlines));
@@ -92,10 +95,26 @@ fn mark<S: Simd>(simd: S, piece: &[u8], newlines: &mut Vec<u64>) {
     newlines.push(rest.iter().enumerate().map(bit).sum());
 }
 
-impl LineParser {
+impl PlainRows {
+    pub(super) fn new(delimiter: u8) -> Self {
+        let (at, ends, newlines) = (Vec::new(), Vec::new(), Vec::new());
+        Self {
+            delimiter,
+            expected: Vec::new(),
+            places: Places { at, ends, rows: MOST_ROWS, newlines, level: Level::new() },
+        }
+    }
+
+    /// A piece of a log of so many columns.
+    pub(super) fn begin(&mut self, piece: &[u8], columns: usize) {
+        self.expected.clear();
+        self.expected.resize(columns, Expected::default());
+        self.places.begin(piece);
+    }
+
     /// Adds the rows of plain decimals from `start` on, not always all of them; returns their number and where they end.
-    pub(super) fn plain_rows(&mut self, piece: &[u8], start: usize) -> (usize, usize) {
-        let Self { cells, expected, places, delimiter: skipped_to, .. } = self;
+    pub(super) fn read(&mut self, piece: &[u8], start: usize, cells: &mut Cells) -> (usize, usize) {
+        let Self { expected, places, delimiter: skipped_to } = self;
         let skipped_to = *skipped_to;
         places.find(piece, start);
         let (before, last) = (cells.len(), cells.columns.len() - 1);

@@ -1,0 +1,45 @@
+//! Decoders of other projects: their panics and errors as errors about the file.
+
+use std::fs::File;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+
+use arrow_schema::ArrowError;
+use parquet::errors::ParquetError;
+
+use crate::error::{Error, Result};
+
+/// Runs a decoder; its panic becomes an error about the file.
+pub(super) fn guarded<T>(decode: impl FnOnce() -> Result<T>) -> Result<T> {
+    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err(Error::input("a damaged file (its decoder gave up)")))
+}
+
+pub(super) fn broken(what: &str, error: &dyn std::fmt::Display) -> Error {
+    Error::input(format!("not a readable {what}: {error}"))
+}
+
+/// An error of a decoder, or one of our own in it.
+pub(super) fn unread(what: &str, error: ArrowError) -> Error {
+    match error {
+        ArrowError::ExternalError(error) => match error.downcast::<Error>() {
+            Ok(own) => *own,
+            Err(other) => broken(what, &other),
+        },
+        error => broken(what, &error),
+    }
+}
+
+/// The same of Parquet's decoder.
+pub(super) fn parquet_broken(error: ParquetError) -> Error {
+    match error {
+        // Our own, with what to do.
+        ParquetError::External(error) => match error.downcast::<Error>() {
+            Ok(own) => *own,
+            Err(other) => broken("Parquet file", &other),
+        },
+        error => broken("Parquet file", &error),
+    }
+}
+
+pub(super) fn clone_of(file: &File) -> Result<File> {
+    file.try_clone().map_err(|e| Error::input(format!("cannot read: {e}")))
+}
