@@ -2,15 +2,15 @@
 
 use crate::error::Result;
 #[cfg(feature = "parquet")]
-use crate::ingest::columnar::MemoryTable;
-use crate::ingest::feed::{Opened, ReadMode};
-#[cfg(any(feature = "parquet", feature = "ulog"))]
-use crate::ingest::header::Layout;
+use crate::ingest::arrow::columnar::MemoryTable;
 #[cfg(feature = "parquet")]
-use crate::ingest::source::HashHandle;
-use crate::ingest::source::Source;
-use crate::ingest::text::TextFeed;
-use crate::ingest::text_head::{self, TextHeader};
+use crate::ingest::bytes::source::HashHandle;
+use crate::ingest::bytes::source::Source;
+use crate::ingest::columns::feed::{Opened, ReadMode};
+#[cfg(any(feature = "parquet", feature = "ulog"))]
+use crate::ingest::columns::header::Layout;
+use crate::ingest::text::head::{self, TextHeader};
+use crate::ingest::text::lines::TextFeed;
 use crate::setup::ReadConfig;
 
 /// A format of a log, without gzip.
@@ -58,8 +58,8 @@ impl Format {
 }
 
 fn open_text(mut source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
-    let header = text_head::read_header(&mut source, config)?;
-    let layout = text_head::layout_of(&header, config)?;
+    let header = head::read_header(&mut source, config)?;
+    let layout = head::layout_of(&header, config)?;
     let feed = Box::new(TextFeed::new(source.reader, &layout, header.delimiter, mode));
     let TextHeader { delimiter, lines, assumed, .. } = header;
     Ok(Opened { feed, layout, delimiter, lines_before: lines, assumed })
@@ -67,7 +67,7 @@ fn open_text(mut source: Source, config: &ReadConfig, mode: ReadMode) -> Result<
 
 #[cfg(feature = "parquet")]
 fn open_columns(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
-    let columnar = crate::ingest::columnar::open(source, config.memory)?;
+    let columnar = crate::ingest::arrow::columnar::open(source, config.memory)?;
     let layout = Layout::new(columnar.headers.clone(), &config.columns, config.axis)?;
     with_layout(columnar, layout, mode)
 }
@@ -75,7 +75,7 @@ fn open_columns(source: Source, config: &ReadConfig, mode: ReadMode) -> Result<O
 /// A table in memory.
 #[cfg(feature = "parquet")]
 pub(super) fn open_table(table: MemoryTable, hash: HashHandle, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
-    let columnar = crate::ingest::columnar::of_table(table, hash, config.memory);
+    let columnar = crate::ingest::arrow::columnar::of_table(table, hash, config.memory);
     let layout = Layout::new(columnar.headers.clone(), &config.columns, config.axis)?;
     with_layout(columnar, layout, mode)
 }
@@ -83,13 +83,13 @@ pub(super) fn open_table(table: MemoryTable, hash: HashHandle, config: &ReadConf
 /// Of the columns only a time of Arrow's own type has a role: so it becomes text as a date, or in seconds.
 #[cfg(feature = "parquet")]
 fn unmapped_columns(source: Source, config: &ReadConfig) -> Result<Opened> {
-    let columnar = crate::ingest::columnar::open(source, config.memory)?;
+    let columnar = crate::ingest::arrow::columnar::open(source, config.memory)?;
     let layout = Layout { headers: columnar.headers.clone(), time: columnar.own_time(), ..Layout::default() };
     with_layout(columnar, layout, ReadMode::BulkWithText)
 }
 
 #[cfg(feature = "parquet")]
-fn with_layout(columnar: crate::ingest::columnar::Columnar, layout: Layout, mode: ReadMode) -> Result<Opened> {
+fn with_layout(columnar: crate::ingest::arrow::columnar::Columnar, layout: Layout, mode: ReadMode) -> Result<Opened> {
     let feed = Box::new(columnar.feed(&layout, mode)?);
     // As if one line of headers preceded the rows.
     Ok(Opened { feed, layout, delimiter: b',', lines_before: 1, assumed: Vec::new() })

@@ -23,11 +23,11 @@ use px4_ulog::stream_parser::file_reader::LogParser;
 use px4_ulog::stream_parser::model::{DataMessage, UlogParseError};
 
 use crate::error::{Error, Result};
-use crate::ingest::cells::Cells;
-use crate::ingest::feed::Feed;
-use crate::ingest::header::Layout;
-use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
-use crate::ingest::source::Source;
+use crate::ingest::bytes::source::Source;
+use crate::ingest::columns::cells::Cells;
+use crate::ingest::columns::feed::Feed;
+use crate::ingest::columns::header::Layout;
+use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
 use crate::setup::ReadConfig;
 
 /// Rows per piece.

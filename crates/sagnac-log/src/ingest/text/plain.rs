@@ -12,10 +12,10 @@
 
 use fearless_simd::{Level, Simd, SimdBase, SimdMask, dispatch, u8x64};
 
-use crate::ingest::cells::{Cells, Slot};
-use crate::ingest::expected::Expected;
-use crate::ingest::number::{Decimal, short_whole};
-use crate::ingest::raw::Faults;
+use crate::ingest::columns::cells::{Cells, Slot};
+use crate::ingest::columns::number::{Decimal, short_whole};
+use crate::ingest::columns::raw::Faults;
+use crate::ingest::text::expected::Expected;
 
 /// Bytes whose newlines are found together.
 const WORD: usize = 64;

@@ -12,7 +12,7 @@
 //! Fails to save anything where times jitter in their last digit or a thermometer never repeats: after [`MOST_MISSES`] in a row nothing
 //! more is expected of that column in the piece.
 
-use crate::ingest::number::Decimal;
+use crate::ingest::columns::number::Decimal;
 
 /// Bytes of a number.
 const WORD: usize = 8;

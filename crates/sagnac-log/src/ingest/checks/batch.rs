@@ -1,7 +1,7 @@
 //! Checked rows in columns.
 
-use crate::ingest::raw::{Faults, RawRows};
-use crate::ingest::shape::LogShape;
+use crate::ingest::columns::log_shape::LogShape;
+use crate::ingest::columns::raw::{Faults, RawRows};
 
 /// Counts of a cumulative counter over a gap (start, end] between two rows of a batch. The gap is too long for a row, because the
 /// temperature within it is unknown.
@@ -44,7 +44,7 @@ pub struct Batch {
     pub bridges: Vec<Bridge>,
     pub(crate) checked_c: Vec<f64>,
     /// All rows came in stretches without any fault, one after the other.
-    pub(super) plain: bool,
+    pub(crate) plain: bool,
 }
 
 impl Batch {
@@ -63,7 +63,7 @@ impl Batch {
         self.end_ns.is_empty()
     }
 
-    pub(super) fn for_shape(shape: &LogShape) -> Self {
+    pub(crate) fn for_shape(shape: &LogShape) -> Self {
         Self {
             angle: vec![Vec::new(); shape.axes.len()],
             temperature_c: vec![Vec::new(); shape.thermometers.len()],
@@ -72,7 +72,7 @@ impl Batch {
         }
     }
 
-    pub(super) fn clear(&mut self) {
+    pub(crate) fn clear(&mut self) {
         self.start_ns.clear();
         self.end_ns.clear();
         self.reference_dps.clear();
@@ -86,7 +86,7 @@ impl Batch {
         }
     }
 
-    pub(super) fn push(&mut self, start_ns: i64, end_ns: i64, angles: &[f64], rows: &RawRows, at: usize) {
+    pub(crate) fn push(&mut self, start_ns: i64, end_ns: i64, angles: &[f64], rows: &RawRows, at: usize) {
         self.start_ns.push(start_ns);
         self.end_ns.push(end_ns);
         self.valid.push(!rows.faults[at].has(Faults::FLAGGED));

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashSet};
 
 use crate::error::{Error, Result};
-use crate::ingest::number::{ISO_8601, SPREADSHEET_DAYS};
+use crate::ingest::columns::number::{ISO_8601, SPREADSHEET_DAYS};
 use sagnac_units::format::controls;
 use sagnac_units::{DPH_PER_DPS, DPH_PER_RADPS, KELVIN_AT_0_C};
 

@@ -10,9 +10,9 @@
 
 use sha2::{Digest, Sha256};
 
-use crate::ingest::header::Layout;
-use crate::ingest::raw::{Faults, RawRows};
-use crate::ingest::source::HashHandle;
+use crate::ingest::bytes::source::HashHandle;
+use crate::ingest::columns::header::Layout;
+use crate::ingest::columns::raw::{Faults, RawRows};
 
 const HEAD: &[u8] = b"sagnac table 1\n";
 /// Values that are turned into bytes at a time.

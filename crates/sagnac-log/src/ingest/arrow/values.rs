@@ -11,11 +11,11 @@ use arrow_array::types::{
 use arrow_array::{Array, ArrowPrimitiveType};
 use arrow_schema::{DataType, TimeUnit};
 
-use crate::ingest::iso::iso_text;
-use crate::ingest::number::{
+use crate::ingest::columns::iso::iso_text;
+use crate::ingest::columns::number::{
     ISO_8601, SPREADSHEET_DAYS, is_missing, parse_flag, parse_time_ns, parse_value, time_ns_of,
 };
-use crate::ingest::raw::{Faults, NO_TIME};
+use crate::ingest::columns::raw::{Faults, NO_TIME};
 
 /// Powers of ten of the units of Arrow's times to ns.
 const UNITS: [(TimeUnit, u32); 4] =
@@ -165,7 +165,7 @@ pub(crate) fn flags(column: &dyn Array, faults: &mut [Faults]) -> Option<()> {
     Some(())
 }
 
-/// A column of a table as times, ns, by the places of its header ([`crate::ingest::header::Role::Time`]); `None` for one that has none, and in the
+/// A column of a table as times, ns, by the places of its header ([`crate::ingest::columns::header::Role::Time`]); `None` for one that has none, and in the
 /// place of a time that is none.
 pub fn column_times(column: &dyn Array, places: u32) -> Option<Vec<Option<i64>>> {
     let mut out = Vec::new();

@@ -7,14 +7,14 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::ingest::chunks::ChunkReader;
-use crate::ingest::feed::Opened;
+use crate::ingest::bytes::source::Source;
+use crate::ingest::columns::feed::Opened;
+use crate::ingest::columns::iso::iso_ns;
+use crate::ingest::columns::number::{is_missing, parse_value};
+use crate::ingest::columns::raw::RawRows;
 use crate::ingest::formats::Format;
-use crate::ingest::iso::iso_ns;
-use crate::ingest::number::{is_missing, parse_value};
-use crate::ingest::raw::RawRows;
-use crate::ingest::source::Source;
-use crate::ingest::text_head::{Head, delimiter_of, fit_to_rows, is_unit, refuse_binary, split};
+use crate::ingest::pieces::ChunkReader;
+use crate::ingest::text::head::{Head, delimiter_of, fit_to_rows, is_unit, refuse_binary, split};
 use crate::setup::ReadConfig;
 use sagnac_units::s_from_ns;
 
@@ -128,7 +128,7 @@ fn sampled_text(mut source: Source, config: &ReadConfig) -> Result<Sample> {
     let (mut lines, mut separator, mut bytes) = (Vec::new(), None, 0);
     while let Some(line) = head.next()?.filter(|_| lines.len() < MOST_LINES && bytes < MOST_BYTES) {
         bytes += line.text.len();
-        match crate::ingest::text_head::separator_of(&line.text).filter(|_| lines.is_empty()) {
+        match crate::ingest::text::head::separator_of(&line.text).filter(|_| lines.is_empty()) {
             Some(found) => separator = Some(found),
             None if line.text.is_empty() || line.text.starts_with('#') => (),
             None => lines.push(line),

@@ -1,11 +1,11 @@
 //! The headers of a source that is read while it runs.
 //!
 //! A file begins with its headers; a serial port may be opened in the middle of a row. So each line is asked whether it is a line of headers,
-//! by the rule of text logs ([`crate::ingest::text_head`]), until one is.
+//! by the rule of text logs ([`crate::ingest::text::head`]), until one is.
 
 use crate::error::Result;
-use crate::ingest::header::Layout;
-use crate::ingest::text_head::{headers_of, text_of};
+use crate::ingest::columns::header::Layout;
+use crate::ingest::text::head::{headers_of, text_of};
 use crate::setup::ReadConfig;
 
 /// The columns of a live source.

@@ -8,17 +8,17 @@
 //! has one of counts or rates, by its name, by its name and unit, or by the setup's `[columns]`, and a row or a line of units is below it. Where
 //! no line has one, the first line counts, and the error is about that. A unit that contradicts its header, or that is not known, is refused.
 //!
-//! Bytes that are not UTF-8 are read as Windows-1252, which every byte of is a character; UTF-16 is decoded before ([`crate::ingest::source`]).
+//! Bytes that are not UTF-8 are read as Windows-1252, which every byte of is a character; UTF-16 is decoded before ([`crate::ingest::bytes::source`]).
 
 use std::borrow::Cow;
 use std::io::{BufRead, Cursor, Read};
 
 use crate::error::{Error, Result};
-use crate::ingest::feed::MAX_LINE_BYTES;
-use crate::ingest::foreign;
-use crate::ingest::header::{self, COMPENSATED_STAMP, Layout, Role, role_of};
-use crate::ingest::number::is_missing;
-use crate::ingest::source::Source;
+use crate::ingest::bytes::foreign;
+use crate::ingest::bytes::source::Source;
+use crate::ingest::columns::feed::MAX_LINE_BYTES;
+use crate::ingest::columns::header::{self, COMPENSATED_STAMP, Layout, Role, role_of};
+use crate::ingest::columns::number::is_missing;
 use crate::setup::ReadConfig;
 
 /// Most blank lines and comments above the headers.

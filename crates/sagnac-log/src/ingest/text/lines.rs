@@ -8,19 +8,17 @@
 //! fields) is read field by field, with the same result. Memory is bounded for any input: a line without end
 //! is refused, not collected.
 
-mod plain;
-
 use std::io::{BufRead, Read};
 
 use csv::ByteRecord;
 use memchr::{memchr, memrchr};
 
 use crate::error::{Error, Result};
-use crate::ingest::cells::{Cells, Slot};
-use crate::ingest::feed::{Feed, MAX_LINE_BYTES, Parser, ReadMode};
-use crate::ingest::header::Layout;
-use crate::ingest::number::{is_missing, parse_flag, parse_time_ns, parse_value};
-use crate::ingest::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
+use crate::ingest::columns::cells::{Cells, Slot};
+use crate::ingest::columns::feed::{Feed, MAX_LINE_BYTES, Parser, ReadMode};
+use crate::ingest::columns::header::Layout;
+use crate::ingest::columns::number::{is_missing, parse_flag, parse_time_ns, parse_value};
+use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
 use crate::ingest::text::plain::PlainRows;
 
 /// Bytes of a piece.

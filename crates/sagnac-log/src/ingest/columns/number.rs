@@ -1,6 +1,6 @@
 //! Reads the numbers of a log.
 
-use crate::ingest::iso::iso_ns;
+use crate::ingest::columns::iso::iso_ns;
 
 /// A finite number; a decimal comma is understood when `decimal_comma`, and thousands that are set apart. `None` for anything else.
 pub fn parse_value(field: &[u8], decimal_comma: bool) -> Option<f64> {
@@ -153,7 +153,7 @@ fn spreadsheet_ns(days: f64) -> Option<i64> {
 
 /// A time as whole nanoseconds, to the nearest; exact for decimals down to 1 ns.
 ///
-/// `places` is the power of ten from the column's unit to nanoseconds, or what a header of dates or of days has in its place ([`crate::ingest::header::Role::Time`]).
+/// `places` is the power of ten from the column's unit to nanoseconds, or what a header of dates or of days has in its place ([`crate::ingest::columns::header::Role::Time`]).
 /// Exponents go through `f64`.
 pub fn parse_time_ns(field: &[u8], places: u32, decimal_comma: bool) -> Option<i64> {
     let text = std::str::from_utf8(field).ok()?.trim();
@@ -304,10 +304,10 @@ mod tests {
     /// Days of Excel: 2024-02-29 12:00 is 45351.5 (Microsoft's documentation counts 2024-01-01 as 45292).
     #[test]
     fn days_of_a_spreadsheet_are_dates() {
-        let noon = crate::ingest::iso::iso_ns("2024-02-29T12:00:00Z");
+        let noon = crate::ingest::columns::iso::iso_ns("2024-02-29T12:00:00Z");
         assert_eq!(parse_time_ns(b"45351.5", SPREADSHEET_DAYS, false), noon);
         assert_eq!(parse_time_ns(b"45351,5", SPREADSHEET_DAYS, true), noon);
-        assert_eq!(time_ns_of(45_292.0, SPREADSHEET_DAYS), crate::ingest::iso::iso_ns("2024-01-01T00:00:00Z"));
+        assert_eq!(time_ns_of(45_292.0, SPREADSHEET_DAYS), crate::ingest::columns::iso::iso_ns("2024-01-01T00:00:00Z"));
         assert_eq!(parse_time_ns(b"1e300", SPREADSHEET_DAYS, false), None);
         let second = parse_time_ns(b"45351.500011574", SPREADSHEET_DAYS, false).unwrap() - noon.unwrap();
         assert!((second - 1_000_000_000).abs() < 50_000, "{second}");

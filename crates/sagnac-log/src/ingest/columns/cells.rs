@@ -1,7 +1,7 @@
 //! Rows as they are read, value by value, into columns.
 
-use crate::ingest::header::Layout;
-use crate::ingest::raw::{Faults, NO_TIME, RawRows};
+use crate::ingest::columns::header::Layout;
+use crate::ingest::columns::raw::{Faults, NO_TIME, RawRows};
 
 /// Use of a column's values.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -13,8 +13,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
-use crate::ingest::feed::{Feed, Parser};
-use crate::ingest::raw::RawRows;
+use crate::ingest::columns::feed::{Feed, Parser};
+use crate::ingest::columns::raw::RawRows;
 use crate::threads::{helpers, spawn};
 
 /// More threads than this do not read one log faster: hashing is sequential.

@@ -9,13 +9,14 @@
 mod plain;
 
 use crate::error::{Error, Result};
-use crate::ingest::counter::{Step, StepStatistics};
-use crate::ingest::header::Layout;
-use crate::ingest::interval::PipeWatch;
-use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
-use crate::ingest::reason::{Reason, Tallies};
-use crate::ingest::thermometer::ThermometerCheck;
-use crate::ingest::{Batch, Bridge, intervals_of};
+use crate::ingest::checks::batch::{Batch, Bridge};
+use crate::ingest::checks::counter::{Step, StepStatistics};
+use crate::ingest::checks::interval::PipeWatch;
+use crate::ingest::checks::reason::{Reason, Tallies};
+use crate::ingest::checks::thermometer::ThermometerCheck;
+use crate::ingest::columns::header::Layout;
+use crate::ingest::columns::log_shape::intervals_of;
+use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, RawRows};
 use crate::setup::{Counter, ReadConfig};
 use sagnac_units::s_from_ns;
 
@@ -490,7 +491,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::ingest::raw::NO_TIME;
+    use crate::ingest::columns::raw::NO_TIME;
 
     fn piece(rows: &[(i64, f64, f64, u8)], timed: bool) -> RawRows {
         let mut piece = RawRows::default();

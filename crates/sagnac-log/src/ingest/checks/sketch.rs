@@ -20,7 +20,7 @@ use std::ops::Range;
 
 use fearless_simd::{Level, Simd, SimdBase, dispatch, u64x8};
 
-use crate::ingest::Batch;
+use crate::ingest::checks::batch::Batch;
 
 /// Rows of a stretch, long and short.
 const ROWS: [usize; 2] = [64, 12];

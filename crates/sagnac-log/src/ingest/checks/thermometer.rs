@@ -4,7 +4,7 @@
 //! while another thermometer moves. An empty field is not a reading: the newest one is kept, as in a
 //! register, for 1.5 times the thermometer's own interval and at most its hold time.
 
-use crate::ingest::reason::Reason;
+use crate::ingest::checks::reason::Reason;
 use crate::setup::ThermometerSetup;
 use sagnac_units::{ns_from_s, s_from_ns};
 

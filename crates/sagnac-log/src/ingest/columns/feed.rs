@@ -5,8 +5,8 @@
 //! ```
 
 use crate::error::Result;
-use crate::ingest::header::Layout;
-use crate::ingest::raw::RawRows;
+use crate::ingest::columns::header::Layout;
+use crate::ingest::columns::raw::RawRows;
 
 /// Longest line of a log, and longest text of a field.
 pub(crate) const MAX_LINE_BYTES: usize = 1 << 20;

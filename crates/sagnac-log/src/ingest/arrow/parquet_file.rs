@@ -6,10 +6,10 @@
 //!   announces a list of 2^31 elements is then read to the last one: an hour for a file of a kilobyte. Here a repeated
 //!   read at the end is an error ([`ParquetFile`]).
 //! * It reads every list of the footer to the announced length, however long
-//!   ([`crate::ingest::parquet_footer`]).
+//!   ([`crate::ingest::arrow::parquet_footer`]).
 //! * It allocates memory for as many values as a dictionary page announces. Here a page must hold at least one bit for each.
 //! * It allocates what a page header announces, and copies a cell of text into each row that has it. Here the pages are compared with
-//!   the memory budget first ([`crate::ingest::parquet_pages`]), and text is decoded as views of its page.
+//!   the memory budget first ([`crate::ingest::arrow::parquet_pages`]), and text is decoded as views of its page.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read};
@@ -25,8 +25,8 @@ use parquet::file::metadata::{ParquetMetaData, RowGroupMetaData};
 use parquet::file::reader::{ChunkReader, FileReader, Length};
 use parquet::file::serialized_reader::SerializedFileReader;
 
-use crate::ingest::parquet_footer::check_footer;
-use crate::ingest::parquet_pages::unpacked;
+use crate::ingest::arrow::parquet_footer::check_footer;
+use crate::ingest::arrow::parquet_pages::unpacked;
 use crate::memory::MemoryBudget;
 
 /// Which columns are decoded, and what they may take.

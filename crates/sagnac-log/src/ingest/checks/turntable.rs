@@ -9,8 +9,8 @@
 
 use std::collections::VecDeque;
 
-use crate::ingest::batch::Batch;
-use crate::ingest::header::TableColumn;
+use crate::ingest::checks::batch::Batch;
+use crate::ingest::columns::header::TableColumn;
 use sagnac_units::s_from_ns;
 
 /// Largest number of pending batches: a revolution of millions of rows has no rate.

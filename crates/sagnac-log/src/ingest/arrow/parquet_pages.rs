@@ -19,7 +19,7 @@ use lz4_flex::frame::FrameDecoder;
 use parquet::basic::Compression;
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData};
 
-use crate::ingest::thrift::{PageSizes, Part, Walk};
+use crate::ingest::arrow::thrift::{PageSizes, Part, Walk};
 use crate::memory::is_longer;
 
 /// First attempt at the length of a page header, and the longest one.

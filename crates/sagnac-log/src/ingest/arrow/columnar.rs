@@ -1,6 +1,6 @@
 //! Parquet and Arrow logs: record batches to rows.
 //!
-//! Column names have the same meaning as headers of a text log ([`crate::ingest::header`]); a null is an empty
+//! Column names have the same meaning as headers of a text log ([`crate::ingest::columns::header`]); a null is an empty
 //! field. The same values give the same rows as in text: numbers as `f64` (a 32-bit float exactly), times as in
 //! their shortest decimal form. Rows are numbered as if one header line preceded them.
 //!
@@ -16,16 +16,16 @@ use arrow_schema::{ArrowError, DataType, Schema, SchemaRef};
 use csv::ByteRecord;
 
 use crate::error::{Error, Result};
-use crate::ingest::arrow_file::{ArrowForm, arrow_reader, check_arrow};
-use crate::ingest::column_values::{flags, has_values, numbers, text_bytes, texts, time_text, times};
-use crate::ingest::feed::{Feed, MAX_LINE_BYTES, ReadMode};
-use crate::ingest::guard::{clone_of, guarded, parquet_broken, unread};
-use crate::ingest::header::Layout;
-use crate::ingest::number::ISO_8601;
-use crate::ingest::parquet_file::{ParquetRead, decoded_type, parquet_batches, parquet_schema};
-use crate::ingest::raw::{BAD_TEMPERATURE, Faults, RawRows};
-use crate::ingest::row_hash::RowHash;
-use crate::ingest::source::{HashHandle, Source};
+use crate::ingest::arrow::guard::{clone_of, guarded, parquet_broken, unread};
+use crate::ingest::arrow::ipc::{ArrowForm, arrow_reader, check_arrow};
+use crate::ingest::arrow::parquet_file::{ParquetRead, decoded_type, parquet_batches, parquet_schema};
+use crate::ingest::arrow::row_hash::RowHash;
+use crate::ingest::arrow::values::{flags, has_values, numbers, text_bytes, texts, time_text, times};
+use crate::ingest::bytes::source::{HashHandle, Source};
+use crate::ingest::columns::feed::{Feed, MAX_LINE_BYTES, ReadMode};
+use crate::ingest::columns::header::Layout;
+use crate::ingest::columns::number::ISO_8601;
+use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, RawRows};
 use crate::memory::MemoryBudget;
 use crate::threads::spawn;
 

@@ -11,7 +11,7 @@
 //! is not looked at.
 
 use crate::error::{Error, Result};
-use crate::ingest::Batch;
+use crate::ingest::checks::batch::Batch;
 
 /// Fewer rises and falls show nothing: of noise, 38 of 40 go one way in 1 of 10⁹ logs.
 const FEWEST: u64 = 40;

@@ -7,7 +7,7 @@
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 
-use crate::ingest::thrift::{Part, Walk};
+use crate::ingest::arrow::thrift::{Part, Walk};
 
 /// `PAR1` and the length before it.
 const TAIL: u64 = 8;

@@ -15,7 +15,7 @@ use arrow_ipc::reader::StreamReader;
 use lz4_flex::frame::FrameDecoder;
 
 use crate::error::{Error, Result};
-use crate::ingest::guard::{broken, clone_of, guarded};
+use crate::ingest::arrow::guard::{broken, clone_of, guarded};
 use crate::memory::{MemoryBudget, is_longer};
 
 /// Writers align the first message of a file to at most this.

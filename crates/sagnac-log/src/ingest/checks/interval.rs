@@ -3,10 +3,10 @@
 use std::collections::VecDeque;
 
 use crate::error::{Error, Result};
-use crate::ingest::chunks::ChunkReader;
-use crate::ingest::feed::ReadMode;
-use crate::ingest::header::Layout;
-use crate::ingest::raw::{Faults, RawRows};
+use crate::ingest::columns::feed::ReadMode;
+use crate::ingest::columns::header::Layout;
+use crate::ingest::columns::raw::{Faults, RawRows};
+use crate::ingest::pieces::ChunkReader;
 use crate::setup::ReadConfig;
 use sagnac_units::format::significant;
 use sagnac_units::{NS_PER_S, ns_from_s, s_from_ns};

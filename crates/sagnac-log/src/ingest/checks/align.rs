@@ -6,8 +6,8 @@
 
 use std::collections::VecDeque;
 
-use crate::ingest::raw::{Faults, RawRows};
-use crate::ingest::rows::MAX_TIME;
+use crate::ingest::checks::rows::MAX_TIME;
+use crate::ingest::columns::raw::{Faults, RawRows};
 
 /// Rows waiting for their temperatures, and temperatures waiting for their rows.
 pub(crate) struct Aligner {
