@@ -24,10 +24,9 @@ use px4_ulog::stream_parser::model::{DataMessage, UlogParseError};
 
 use crate::error::{Error, Result};
 use crate::ingest::bytes::source::Source;
-use crate::ingest::columns::cells::Cells;
 use crate::ingest::columns::feed::Feed;
 use crate::ingest::columns::header::Layout;
-use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
+use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows, Slot};
 use crate::setup::ReadConfig;
 
 /// Rows per piece.
@@ -243,12 +242,12 @@ pub(crate) fn open(source: Source, config: &ReadConfig, keep_fields: bool) -> Re
     let (headers, topics) = columns(&known, gyro);
     let layout = Layout::new(headers, &config.columns, config.axis)?;
     let table = Table {
-        cells: Cells::new(&layout),
+        slots: Slot::of_columns(&layout),
         layout: layout.clone(),
         topics,
+        rows: RawRows::default(),
         waiting: Vec::new(),
         keep_fields,
-        fields: Vec::new(),
     };
     // A thermometer's message before the gyro's first one belongs to the first row.
     let waiting = early.into_values().chain([first]).collect();
@@ -268,12 +267,14 @@ pub(crate) struct ULogFeed {
 impl Feed for ULogFeed {
     /// Each piece has a parser of its own, which knows only the topics that are read.
     fn next(&mut self, _: &mut Vec<u8>, rows: &mut RawRows) -> Result<bool> {
+        self.table.rows = std::mem::take(rows);
+        self.table.rows.reset(&self.table.layout);
         let table = RefCell::new(&mut self.table);
         let mut on_data = |message: &DataMessage<'_>| table.borrow_mut().take(message);
         let mut parser = LogParser::default();
         parser.set_data_message_callback(&mut on_data);
         begin(&mut parser, &self.header, &self.known, &table.borrow().topics)?;
-        while table.borrow().cells.len() < BATCH_ROWS {
+        while table.borrow().rows.len() < BATCH_ROWS {
             let next = match self.waiting.pop_front() {
                 Some(message) => Next::Message(message),
                 None => self.messages.next()?,
@@ -289,7 +290,7 @@ impl Feed for ULogFeed {
                 Next::End => break,
             }
         }
-        *rows = table.borrow_mut().rows();
+        *rows = table.borrow_mut().finished();
         Ok(rows.lines > 0)
     }
 }
@@ -388,11 +389,12 @@ fn damaged(error: &UlogParseError) -> Error {
 struct Table {
     layout: Layout,
     topics: BTreeMap<u16, Use>,
-    cells: Cells,
+    /// One per column.
+    slots: Vec<Slot>,
+    rows: RawRows,
     /// Readings of other thermometers since the last row, by column.
     waiting: Vec<(usize, f64)>,
     keep_fields: bool,
-    fields: Vec<ByteRecord>,
 }
 
 impl Table {
@@ -430,27 +432,32 @@ impl Table {
         if self.keep_fields {
             let text = |value: &f64| if value.is_nan() { String::new() } else { value.to_string() };
             let texts = std::iter::once(time_us.to_string()).chain(row[1..].iter().map(text));
-            self.fields.push(texts.map(String::into_bytes).collect());
+            self.rows.fields.push(texts.map(String::into_bytes).collect());
         }
-        self.cells.push_row(&row, time_ns, Faults::NONE);
+        self.push(&row, time_ns, Faults::NONE);
     }
 
     fn push_broken_row(&mut self) {
-        self.cells.push_broken_row();
+        self.push(&vec![f64::NAN; self.slots.len()], NO_TIME, Faults::RAGGED);
         if self.keep_fields {
-            self.fields.push(ByteRecord::new());
+            self.rows.fields.push(ByteRecord::new());
         }
     }
 
+    /// A row of one value per column.
+    fn push(&mut self, values: &[f64], time_ns: i64, faults: Faults) {
+        for (slot, value) in self.slots.iter().zip(values) {
+            self.rows.numbers(*slot).into_iter().for_each(|column| column.push(*value));
+        }
+        self.rows.finish_row(time_ns, faults);
+        self.rows.line.push(self.rows.faults.len() as u32);
+    }
+
     /// The pending rows.
-    fn rows(&mut self) -> RawRows {
-        let mut rows = RawRows::default();
-        let layout = &self.layout;
-        rows.reset(layout.axes.len(), layout.temperatures.len(), layout.aux.len());
-        self.cells.hand_over(&mut rows);
-        rows.lines = rows.faults.len() as u64;
-        rows.line.extend(1..=rows.faults.len() as u32);
-        rows.fields.append(&mut self.fields);
+    fn finished(&mut self) -> RawRows {
+        let mut rows = std::mem::take(&mut self.rows);
+        let lines = rows.len() as u64;
+        rows.finish(&self.slots, lines);
         rows
     }
 }

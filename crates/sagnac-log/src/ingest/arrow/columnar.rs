@@ -25,7 +25,7 @@ use crate::ingest::bytes::source::{HashHandle, Source};
 use crate::ingest::columns::feed::{Feed, MAX_LINE_BYTES, ReadMode};
 use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::number::ISO_8601;
-use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, RawRows};
+use crate::ingest::columns::raw::{Faults, RawRows, Slot};
 use crate::memory::MemoryBudget;
 use crate::threads::spawn;
 
@@ -165,8 +165,8 @@ impl Columnar {
                 (batches, Hashing::OfRows(Box::new(RowHash::new(layout, hash))), "table")
             }
         };
-        let (layout, schema) = (layout.clone(), self.schema);
-        Ok(ColumnFeed { batches, layout, schema, places, keep_fields, most_rows, hashing, what, waiting: None })
+        let (layout, slots, schema) = (layout.clone(), Slot::of_columns(layout), self.schema);
+        Ok(ColumnFeed { batches, layout, slots, schema, places, keep_fields, most_rows, hashing, what, waiting: None })
     }
 
     /// The first column that Arrow's types call a time, and its unit as text: a date, or seconds.
@@ -199,6 +199,8 @@ fn wrong_type(schema: &Schema, name: &str) -> Error {
 pub(crate) struct ColumnFeed {
     batches: Batches,
     layout: Layout,
+    /// One per column of the file.
+    slots: Vec<Slot>,
     schema: SchemaRef,
     /// Place of each of the file's columns among those that are decoded.
     places: Vec<Option<usize>>,
@@ -291,36 +293,20 @@ impl Hashing {
 
 impl ColumnFeed {
     fn rows_of(&self, batch: &RecordBatch, rows: &mut RawRows) -> Result<()> {
-        let layout = &self.layout;
-        rows.reset(layout.axes.len(), layout.temperatures.len(), layout.aux.len());
+        rows.reset(&self.layout);
         let length = batch.num_rows();
-        rows.lines = length as u64;
         rows.line.extend(1..=length as u32);
         rows.faults.resize(length, Faults::NONE);
-        if let Some((index, places)) = layout.time {
-            times(self.column(batch, index)?, places, &mut rows.time_ns)
-                .ok_or_else(|| wrong_type(&self.schema, &self.layout.headers[index]))?;
+        for (index, slot) in self.slots.iter().enumerate().filter(|(_, slot)| **slot != Slot::Skipped) {
+            let column = self.column(batch, index)?;
+            let read = match *slot {
+                Slot::Time(places) => times(column, places, &mut rows.time_ns),
+                Slot::Valid => flags(column, &mut rows.faults),
+                number => rows.numbers(number).and_then(|out| numbers(column, number.bad(), out)),
+            };
+            read.ok_or_else(|| wrong_type(&self.schema, &self.layout.headers[index]))?;
         }
-        for ((index, _, unit), out) in layout.axes.iter().zip(&mut rows.axes) {
-            self.values(batch, *index, f64::NAN, out)?;
-            if let Some(unit) = unit.filter(|unit| *unit != 1.0) {
-                out.iter_mut().for_each(|value| *value *= unit);
-            }
-        }
-        for ((index, _, zero), out) in layout.temperatures.iter().zip(&mut rows.temperatures_c) {
-            self.values(batch, *index, BAD_TEMPERATURE, out)?;
-            out.iter_mut().for_each(|value| *value -= zero);
-        }
-        for ((index, _), out) in layout.aux.iter().zip(&mut rows.aux) {
-            self.values(batch, *index, f64::NAN, out)?;
-        }
-        if let Some((index, _)) = layout.reference {
-            self.values(batch, index, f64::NAN, &mut rows.reference_dps)?;
-        }
-        if let Some(index) = layout.valid {
-            flags(self.column(batch, index)?, &mut rows.faults)
-                .ok_or_else(|| wrong_type(&self.schema, &self.layout.headers[index]))?;
-        }
+        rows.finish(&self.slots, length as u64);
         if self.keep_fields {
             self.texts(batch, rows)?;
         }
@@ -335,12 +321,6 @@ impl ColumnFeed {
     fn column<'a>(&self, batch: &'a RecordBatch, index: usize) -> Result<&'a dyn Array> {
         let missing = || Error::input("a part of the file lacks this column").column(&self.layout.headers[index]);
         self.decoded(batch, index).ok_or_else(missing)
-    }
-
-    /// Values of a column: NaN for null, `bad` for anything but a finite number.
-    fn values(&self, batch: &RecordBatch, index: usize, bad: f64, out: &mut Vec<f64>) -> Result<()> {
-        numbers(self.column(batch, index)?, bad, out)
-            .ok_or_else(|| wrong_type(&self.schema, &self.layout.headers[index]))
     }
 
     /// Every column as text, as a CSV of it would hold; one of a type without values stays empty.

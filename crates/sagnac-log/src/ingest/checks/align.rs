@@ -82,13 +82,14 @@ fn sound_time(rows: &RawRows, row: usize) -> Option<i64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ingest::columns::header::Layout;
 
     fn aligned(offset_s: i64) -> Vec<f64> {
         let mut align = Aligner::new(offset_s * 1_000_000_000);
         let mut out = Vec::new();
         for t in 0..6_i64 {
             let mut rows = RawRows::default();
-            rows.reset(0, 1, 0);
+            rows.reset(&Layout { temperatures: vec![(0, String::new(), 0.0)], ..Layout::default() });
             rows.line.push(1);
             rows.faults.push(Faults::NONE);
             rows.time_ns.push(t * 1_000_000_000);

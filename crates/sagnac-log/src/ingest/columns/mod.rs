@@ -1,6 +1,5 @@
 //! What every format gives: columns by role, numbers and times, and rows that are parsed and not judged. Knows no format.
 
-pub(crate) mod cells;
 pub(crate) mod feed;
 pub mod header;
 pub(crate) mod iso;

@@ -2,6 +2,8 @@
 
 use csv::ByteRecord;
 
+use crate::ingest::columns::header::Layout;
+
 /// In [`RawRows::time_ns`]: the field holds no time.
 pub(crate) const NO_TIME: i64 = i64::MIN;
 /// In [`RawRows::temperatures_c`]: the field holds something other than a number. (NaN: it is empty.)
@@ -27,6 +29,42 @@ impl Faults {
     }
 }
 
+/// Where the values of a column go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Slot {
+    /// Places from the column's unit to ns.
+    Time(u32),
+    /// Axis, and °/h per unit; 1 for counts.
+    Axis(usize, f64),
+    /// Thermometer and zero.
+    Temperature(usize, f64),
+    Reference,
+    Valid,
+    Aux(usize),
+    Skipped,
+}
+
+impl Slot {
+    /// One per column of a log.
+    pub(crate) fn of_columns(layout: &Layout) -> Vec<Self> {
+        let mut slots = vec![Self::Skipped; layout.headers.len()];
+        layout.time.iter().for_each(|(index, places)| slots[*index] = Self::Time(*places));
+        let axes = layout.axes.iter().enumerate();
+        axes.for_each(|(n, (index, _, unit))| slots[*index] = Self::Axis(n, unit.unwrap_or(1.0)));
+        let temperatures = layout.temperatures.iter().enumerate();
+        temperatures.for_each(|(n, (index, _, zero))| slots[*index] = Self::Temperature(n, *zero));
+        layout.reference.iter().for_each(|(index, _)| slots[*index] = Self::Reference);
+        layout.valid.iter().for_each(|index| slots[*index] = Self::Valid);
+        layout.aux.iter().enumerate().for_each(|(n, (index, _))| slots[*index] = Self::Aux(n));
+        slots
+    }
+
+    /// Stands for something other than a number.
+    pub(crate) fn bad(self) -> f64 {
+        if matches!(self, Self::Temperature(..)) { BAD_TEMPERATURE } else { f64::NAN }
+    }
+}
+
 /// One piece of a log, by column. NaN: missing or not a number.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct RawRows {
@@ -46,14 +84,17 @@ pub(crate) struct RawRows {
     pub(crate) reference_dps: Vec<f64>,
     /// The fields as text, kept only where the log is written out again.
     pub(crate) fields: Vec<ByteRecord>,
+    has_time: bool,
+    has_reference: bool,
 }
 
 impl RawRows {
-    /// Empty columns of the right number.
-    pub(crate) fn reset(&mut self, axes: usize, thermometers: usize, aux: usize) {
-        self.axes.resize_with(axes, Vec::new);
-        self.temperatures_c.resize_with(thermometers, Vec::new);
-        self.aux.resize_with(aux, Vec::new);
+    /// Empty columns of a log.
+    pub(crate) fn reset(&mut self, layout: &Layout) {
+        self.axes.resize_with(layout.axes.len(), Vec::new);
+        self.temperatures_c.resize_with(layout.temperatures.len(), Vec::new);
+        self.aux.resize_with(layout.aux.len(), Vec::new);
+        (self.has_time, self.has_reference) = (layout.time.is_some(), layout.reference.is_some());
         self.line.clear();
         self.time_ns.clear();
         self.faults.clear();
@@ -63,6 +104,50 @@ impl RawRows {
             column.clear();
         }
         (self.lines_before, self.lines) = (0, 0);
+    }
+
+    /// The numbers of a column; none of a time, a flag, or what is not read.
+    #[inline]
+    pub(crate) fn numbers(&mut self, slot: Slot) -> Option<&mut Vec<f64>> {
+        match slot {
+            Slot::Axis(n, _) => self.axes.get_mut(n),
+            Slot::Temperature(n, _) => self.temperatures_c.get_mut(n),
+            Slot::Aux(n) => self.aux.get_mut(n),
+            Slot::Reference => Some(&mut self.reference_dps),
+            Slot::Time(_) | Slot::Valid | Slot::Skipped => None,
+        }
+    }
+
+    /// Completes a row whose numbers were pushed.
+    #[inline]
+    pub(crate) fn finish_row(&mut self, time_ns: i64, faults: Faults) {
+        if self.has_time {
+            self.time_ns.push(time_ns);
+        }
+        self.faults.push(faults);
+    }
+
+    /// So many rows: the first of those that are there, or with further ones to be filled; not their lines.
+    pub(crate) fn resize(&mut self, rows: usize) {
+        let reference = self.has_reference.then_some(&mut self.reference_dps);
+        let columns = self.axes.iter_mut().chain(&mut self.temperatures_c).chain(&mut self.aux).chain(reference);
+        columns.for_each(|column| column.resize(rows, 0.0));
+        self.time_ns.resize(if self.has_time { rows } else { 0 }, NO_TIME);
+        self.faults.resize(rows, Faults::NONE);
+    }
+
+    /// Completes a piece of so many lines: values as in the log become °/h and °C.
+    pub(crate) fn finish(&mut self, slots: &[Slot], lines: u64) {
+        self.lines = lines;
+        for slot in slots {
+            match *slot {
+                Slot::Axis(n, unit) if unit != 1.0 => self.axes[n].iter_mut().for_each(|value| *value *= unit),
+                Slot::Temperature(n, zero) if zero != 0.0 => {
+                    self.temperatures_c[n].iter_mut().for_each(|value| *value -= zero);
+                }
+                _ => {}
+            }
+        }
     }
 
     pub(crate) fn len(&self) -> usize {

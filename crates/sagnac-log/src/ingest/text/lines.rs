@@ -14,11 +14,10 @@ use csv::ByteRecord;
 use memchr::{memchr, memrchr};
 
 use crate::error::{Error, Result};
-use crate::ingest::columns::cells::{Cells, Slot};
 use crate::ingest::columns::feed::{Feed, MAX_LINE_BYTES, Parser, ReadMode};
 use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::number::{is_missing, parse_flag, parse_time_ns, parse_value};
-use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows};
+use crate::ingest::columns::raw::{Faults, NO_TIME, RawRows, Slot};
 use crate::ingest::text::plain::PlainRows;
 
 /// Bytes of a piece.
@@ -111,7 +110,8 @@ impl TextFeed {
 #[derive(Clone)]
 pub(crate) struct LineParser {
     layout: Layout,
-    cells: Cells,
+    /// One per column.
+    slots: Vec<Slot>,
     delimiter: u8,
     decimal_comma: bool,
     /// None where rows are kept as text.
@@ -122,7 +122,7 @@ impl LineParser {
     pub(crate) fn new(layout: &Layout, delimiter: u8, mode: ReadMode) -> Self {
         Self {
             layout: layout.clone(),
-            cells: Cells::new(layout),
+            slots: Slot::of_columns(layout),
             delimiter,
             decimal_comma: delimiter != b',',
             plain: (mode == ReadMode::Bulk).then(|| PlainRows::new(delimiter)),
@@ -133,14 +133,14 @@ impl LineParser {
 impl Parser for LineParser {
     /// Every row of a piece; it ends in a newline.
     fn parse(&mut self, piece: &[u8], rows: &mut RawRows) {
-        rows.reset(self.layout.axes.len(), self.layout.temperatures.len(), self.layout.aux.len());
+        rows.reset(&self.layout);
         if let Some(plain) = &mut self.plain {
-            plain.begin(piece, self.layout.headers.len());
+            plain.begin(piece, self.slots.len());
         }
         let (mut at, mut line) = (0, 0_u32);
         while at < piece.len() {
             if let Some(plain) = &mut self.plain {
-                let (plain, end) = plain.read(piece, at, &mut self.cells);
+                let (plain, end) = plain.read(piece, at, &self.slots, rows);
                 if plain > 0 {
                     rows.line.extend(line + 1..=line + plain as u32);
                     line += plain as u32;
@@ -154,36 +154,36 @@ impl Parser for LineParser {
             let text = &rest[..length];
             let text = text.strip_suffix(b"\r").unwrap_or(text);
             if !text.is_empty() && text[0] != b'#' {
-                let fields = self.any_row(text);
+                let fields = self.any_row(text, rows);
                 rows.fields.extend(self.plain.is_none().then_some(fields));
                 rows.line.push(line);
             }
             at += length + 1;
         }
-        self.cells.hand_over(rows);
-        rows.lines = u64::from(line);
+        rows.finish(&self.slots, u64::from(line));
     }
 }
 
 impl LineParser {
     /// Reads any row field by field.
-    fn any_row(&mut self, text: &[u8]) -> ByteRecord {
+    fn any_row(&self, text: &[u8], rows: &mut RawRows) -> ByteRecord {
         let record = fields_of(text, self.delimiter);
         let mut time_ns = NO_TIME;
-        let mut faults = Faults::NONE.with(Faults::RAGGED, record.len() != self.cells.columns.len());
-        for (index, column) in self.cells.columns.iter_mut().enumerate() {
+        let mut faults = Faults::NONE.with(Faults::RAGGED, record.len() != self.slots.len());
+        for (index, slot) in self.slots.iter().enumerate() {
             let field = unquoted(record.get(index).unwrap_or(b""));
             let field = if is_missing(field) { b"" } else { field };
-            let value = || parse_value(field, self.decimal_comma);
-            match column.slot {
+            match *slot {
                 Slot::Time(places) => time_ns = parse_time_ns(field, places, self.decimal_comma).unwrap_or(NO_TIME),
                 Slot::Valid => faults = faults.with(Faults::FLAGGED, !parse_flag(field).unwrap_or(false)),
-                Slot::Skipped => {}
-                Slot::Temperature(..) if !field.is_empty() => column.push(value().unwrap_or(BAD_TEMPERATURE)),
-                _ => column.push(value().unwrap_or(f64::NAN)),
+                number => {
+                    let other = if field.is_empty() { f64::NAN } else { number.bad() };
+                    let column = rows.numbers(number).into_iter();
+                    column.for_each(|column| column.push(parse_value(field, self.decimal_comma).unwrap_or(other)));
+                }
             }
         }
-        self.cells.finish_row(time_ns, faults);
+        rows.finish_row(time_ns, faults);
         record
     }
 }

@@ -12,9 +12,8 @@
 
 use fearless_simd::{Level, Simd, SimdBase, SimdMask, dispatch, u8x64};
 
-use crate::ingest::columns::cells::{Cells, Slot};
 use crate::ingest::columns::number::{Decimal, short_whole};
-use crate::ingest::columns::raw::Faults;
+use crate::ingest::columns::raw::{Faults, RawRows, Slot};
 use crate::ingest::text::expected::Expected;
 
 /// Bytes whose newlines are found together.
@@ -113,20 +112,20 @@ impl PlainRows {
     }
 
     /// Adds the rows of plain decimals from `start` on, not always all of them; returns their number and where they end.
-    pub(super) fn read(&mut self, piece: &[u8], start: usize, cells: &mut Cells) -> (usize, usize) {
+    pub(super) fn read(&mut self, piece: &[u8], start: usize, slots: &[Slot], into: &mut RawRows) -> (usize, usize) {
         let Self { expected, places, delimiter: skipped_to } = self;
         let skipped_to = *skipped_to;
         places.find(piece, start);
-        let (before, last) = (cells.len(), cells.columns.len() - 1);
-        cells.resize(before + places.at.len());
-        for (index, expected) in expected.iter_mut().enumerate() {
+        let (before, last) = (into.len(), slots.len() - 1);
+        into.resize(before + places.at.len());
+        for (index, (slot, expected)) in slots.iter().zip(expected).enumerate() {
             let delimiter = (index < last).then_some(skipped_to);
             let fields = Fields { piece, at: &mut places.at, delimiter, skipped_to };
-            let rows = fields.read(cells, before, index, expected);
+            let rows = fields.read(into, before, *slot, expected);
             places.at.truncate(rows);
         }
         let rows = places.whole_rows(piece);
-        cells.resize(before + rows);
+        into.resize(before + rows);
         // As many as there were, twice as many where there may be more, or one where there was none.
         let all = rows == places.ends.len();
         places.rows = if all { 2 * places.rows } else { rows }.clamp(1, MOST_ROWS);
@@ -145,15 +144,13 @@ struct Fields<'a> {
 }
 
 impl Fields<'_> {
-    /// Reads them into the rows of `cells` from `before` on; returns the number of rows before the first that has another field.
-    fn read(self, cells: &mut Cells, before: usize, index: usize, expected: &mut Expected) -> usize {
-        let Cells { columns, times_ns, faults, .. } = cells;
-        let column = &mut columns[index];
+    /// Reads them into rows from `before` on; returns the number of rows before the first that has another field.
+    fn read(self, into: &mut RawRows, before: usize, slot: Slot, expected: &mut Expected) -> usize {
         let skipped_to = self.skipped_to;
         // A copy stays in registers.
         let mut next = *expected;
-        let rows = match column.slot {
-            Slot::Time(places) => self.each(&mut times_ns[before..], |field| match next.time_at(field) {
+        let rows = match slot {
+            Slot::Time(places) => self.each(&mut into.time_ns[before..], |field| match next.time_at(field) {
                 Some(found) => Some(found),
                 None => {
                     let (decimal, length) = Decimal::read(field)?;
@@ -163,14 +160,15 @@ impl Fields<'_> {
                 }
             }),
             // Counts have few digits and rarely repeat.
-            Slot::Axis(..) => self.each(&mut column.values[before..], |field| {
+            Slot::Axis(n, _) => self.each(&mut into.axes[n][before..], |field| {
                 short_whole(field).or_else(|| {
                     let (decimal, length) = Decimal::read(field)?;
                     Some((decimal.value()?, length))
                 })
             }),
             Slot::Temperature(..) | Slot::Reference | Slot::Aux(_) => {
-                self.each(&mut column.values[before..], |field| match next.value_at(field) {
+                let values = into.numbers(slot).map_or(&mut [][..], |column| &mut column[before..]);
+                self.each(values, |field| match next.value_at(field) {
                     Some(found) => Some(found),
                     None => {
                         let (decimal, length) = Decimal::read(field)?;
@@ -180,7 +178,7 @@ impl Fields<'_> {
                     }
                 })
             }
-            Slot::Valid => self.each(&mut faults[before..], |field| match field.first()? {
+            Slot::Valid => self.each(&mut into.faults[before..], |field| match field.first()? {
                 b'1' => Some((Faults::NONE, 1)),
                 b'0' => Some((Faults::FLAGGED, 1)),
                 _ => None,

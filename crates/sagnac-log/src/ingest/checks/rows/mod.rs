@@ -493,9 +493,9 @@ mod tests {
     use super::*;
     use crate::ingest::columns::raw::NO_TIME;
 
-    fn piece(rows: &[(i64, f64, f64, u8)], timed: bool) -> RawRows {
-        let mut piece = RawRows::default();
-        piece.reset(1, usize::from(timed), 0);
+    fn piece(rows: &[(i64, f64, f64, u8)], layout: &Layout) -> RawRows {
+        let (mut piece, timed) = (RawRows::default(), layout.time.is_some());
+        piece.reset(layout);
         for (i, (time_ns, t_c, counts, faults)) in rows.iter().enumerate() {
             piece.line.push(i as u32 + 1);
             if timed {
@@ -545,7 +545,7 @@ mod tests {
                 let mut batch = Batch { angle: vec![vec![]], temperature_c, ..Batch::default() };
                 batch.clear();
                 let (first, second) = rows.split_at(cut.min(rows.len()));
-                let ended = check.push(&mut piece(first, timed), &mut batch).and_then(|()| check.push(&mut piece(second, timed), &mut batch));
+                let ended = check.push(&mut piece(first, &layout), &mut batch).and_then(|()| check.push(&mut piece(second, &layout), &mut batch));
                 batch.checked_c.clear();
                 if std::mem::take(&mut batch.plain) {
                     let follow = batch.start_ns.iter().skip(1).zip(&batch.end_ns).all(|(start, end)| start == end);
