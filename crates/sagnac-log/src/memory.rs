@@ -11,8 +11,6 @@
 //! made. The shares are fixed: whether a file is read depends on the file and the budget, never on the number of threads or on which of
 //! them was faster. What is counted is the data; the program itself and its libraries take some 20 MiB more.
 
-use std::io::Read;
-
 use crate::error::Error;
 
 /// A budget in bytes.
@@ -55,12 +53,6 @@ impl MemoryBudget {
         Error::input(format!("{what} more than {} MiB", share >> 20))
             .help(format!("{or}, or give more memory than {} MiB with --memory", self.0 >> 20))
     }
-}
-
-/// True where an unpacking reader has more bytes than were announced. A damaged one has not: its decoder reports it.
-pub(crate) fn is_longer(unpacking: impl Read, announced: u64) -> bool {
-    let most = announced.saturating_add(1);
-    std::io::copy(&mut unpacking.take(most), &mut std::io::sink()).is_ok_and(|length| length == most)
 }
 
 #[cfg(test)]

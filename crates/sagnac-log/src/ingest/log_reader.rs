@@ -13,8 +13,6 @@ use std::sync::mpsc::{channel, sync_channel};
 use std::thread::Scope;
 
 use crate::error::{Error, Result};
-#[cfg(feature = "parquet")]
-use crate::ingest::arrow::columnar::MemoryTable;
 use crate::ingest::bytes::source::{HashHandle, Source, Watch};
 use crate::ingest::checks::align::Aligner;
 use crate::ingest::checks::batch::Batch;
@@ -24,7 +22,7 @@ use crate::ingest::checks::rows::{self, CounterEnd, RowValidator};
 use crate::ingest::checks::running_total::RunningTotal;
 use crate::ingest::checks::sketch::Sketch;
 use crate::ingest::checks::turntable::TableRates;
-use crate::ingest::columns::feed::{Opened, ReadMode};
+use crate::ingest::columns::feed::{Opened, Purpose, ReadMode};
 use crate::ingest::columns::header::{Content, Layout, TableColumn};
 use crate::ingest::columns::log_shape::{AngleUnit, LogShape};
 use crate::ingest::columns::raw::RawRows;
@@ -120,17 +118,17 @@ impl LogReader {
     /// # Errors
     /// As [`LogReader::open`].
     #[cfg(feature = "parquet")]
-    pub fn from_table(table: MemoryTable, setup: &Setup, mode: ReadMode) -> Result<Self> {
+    pub fn from_table(table: crate::ingest::MemoryTable, setup: &Setup, mode: ReadMode) -> Result<Self> {
         let (name, hash) = (table.name.clone(), HashHandle::default());
         let config = setup.stages().read;
-        let opened = crate::ingest::formats::open_table(table, hash.clone(), &config, mode);
+        let opened = crate::ingest::arrow::open_table(table, hash.clone(), &config, mode);
         opened.and_then(|opened| Self::start(opened, &name, hash, &config, mode)).map_err(|e| e.file(name))
     }
 
     fn from_source(source: Source, setup: &Setup, mode: ReadMode) -> Result<Self> {
         let (name, hash) = (source.name.clone(), source.hash.clone());
         let config = setup.stages().read;
-        let opened = Format::of(&source.start).open(source, &config, mode);
+        let opened = Format::of(&source.start).open(source, &config, Purpose::Rows(mode));
         opened.and_then(|opened| Self::start(opened, &name, hash, &config, mode)).map_err(|e| e.file(name))
     }
 

@@ -12,7 +12,7 @@
 //! [`LogReader`] reads one file, batch by batch, and never holds the whole log. A file whose clock restarts while its running total
 //! goes on can follow another one ([`LogReader::follow`]).
 
-#[cfg(feature = "parquet")]
+#[cfg_attr(not(feature = "parquet"), path = "without.rs")]
 mod arrow;
 mod bytes;
 mod checks;
@@ -23,15 +23,13 @@ mod logs;
 mod pieces;
 mod preview;
 mod text;
-#[cfg(feature = "ulog")]
+#[cfg_attr(not(feature = "ulog"), path = "without.rs")]
 mod ulog;
 
 #[cfg(feature = "parquet")]
-pub use crate::ingest::arrow::columnar::MemoryTable;
-#[cfg(feature = "parquet")]
-pub use crate::ingest::arrow::parquet_file::{ParquetRead, parquet_batches, parquet_schema};
-#[cfg(feature = "parquet")]
-pub use crate::ingest::arrow::values::{column_numbers, column_times, time_text};
+pub use crate::ingest::arrow::{
+    MemoryTable, ParquetRead, column_numbers, column_times, parquet_batches, parquet_schema, time_text,
+};
 
 pub use crate::ingest::bytes::source::{Watch, hex, sha256, sha256_of_file};
 pub use crate::ingest::checks::batch::{Batch, Bridge};
@@ -44,7 +42,6 @@ pub use crate::ingest::columns::header::{
 };
 pub use crate::ingest::columns::log_shape::{AngleUnit, LogShape, same_shape};
 pub use crate::ingest::columns::number::{parse_time_ns, parse_value};
-pub use crate::ingest::formats::{FORMATS, Format};
 pub use crate::ingest::log_reader::{LogReader, LogSummary};
 pub use crate::ingest::logs::Logs;
 pub use crate::ingest::preview::{Sample, SampleColumn, sample, sample_reader};

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 use crate::ingest::bytes::source::Source;
-use crate::ingest::columns::feed::Opened;
+use crate::ingest::columns::feed::{Opened, Purpose};
 use crate::ingest::columns::iso::iso_ns;
 use crate::ingest::columns::number::{is_missing, parse_value};
 use crate::ingest::columns::raw::RawRows;
@@ -107,7 +107,8 @@ fn sampled(source: Source) -> Result<Sample> {
 
 /// The first rows of a format of columns, as a text log would have them.
 fn sampled_columns(source: Source, config: &ReadConfig) -> Result<Sample> {
-    let Opened { feed, layout, lines_before, assumed, .. } = Format::of(&source.start).open_unmapped(source, config)?;
+    let Opened { feed, layout, lines_before, assumed, .. } =
+        Format::of(&source.start).open(source, config, Purpose::Preview)?;
     let mut pieces = ChunkReader::new(feed, lines_before, false);
     let mut columns: Vec<SampleColumn> =
         layout.headers.into_iter().map(|header| SampleColumn { header, unit: None, cells: Vec::new() }).collect();

@@ -24,7 +24,7 @@ use px4_ulog::stream_parser::model::{DataMessage, UlogParseError};
 
 use crate::error::{Error, Result};
 use crate::ingest::bytes::source::Source;
-use crate::ingest::columns::feed::Feed;
+use crate::ingest::columns::feed::{Feed, Open, Opened, Purpose, ReadMode};
 use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows, Slot};
 use crate::setup::ReadConfig;
@@ -222,11 +222,13 @@ impl Known {
     }
 }
 
-/// Reads up to the gyro's first message, which makes the layout known.
+pub(crate) const OPEN: Option<Open> = Some(open);
+
+/// Reads up to the gyro's first message, which makes the layout known. Its columns have Sagnac's names, whatever the purpose.
 ///
 /// # Errors
 /// No ULog file, no message of a gyro, columns that the setup contradicts.
-pub(crate) fn open(source: Source, config: &ReadConfig, keep_fields: bool) -> Result<(ULogFeed, Layout)> {
+fn open(source: Source, config: &ReadConfig, purpose: Purpose) -> Result<Opened> {
     let instance = config.instance.unwrap_or(0);
     let mut start = Start::read(source.reader, instance, &BTreeSet::new())?;
     if start.first.is_none() {
@@ -247,15 +249,15 @@ pub(crate) fn open(source: Source, config: &ReadConfig, keep_fields: bool) -> Re
         topics,
         rows: RawRows::default(),
         waiting: Vec::new(),
-        keep_fields,
+        keep_fields: purpose.mode() != ReadMode::Bulk,
     };
     // A thermometer's message before the gyro's first one belongs to the first row.
     let waiting = early.into_values().chain([first]).collect();
-    Ok((ULogFeed { messages, header, known, table, waiting }, layout))
+    Ok(Opened::new(Box::new(ULogFeed { messages, header, known, table, waiting }), layout))
 }
 
 /// Rows of a file, piece by piece.
-pub(crate) struct ULogFeed {
+struct ULogFeed {
     messages: Messages,
     header: [u8; FILE_HEADER_BYTES],
     known: Known,

@@ -1,21 +1,18 @@
 //! Writes files atomically: complete or not at all.
 
-#[cfg(feature = "parquet")]
+#[cfg_attr(not(feature = "parquet"), path = "without_parquet.rs")]
 mod parquet_rows;
 mod rows;
-#[cfg(not(feature = "parquet"))]
-mod without_parquet;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
+pub use parquet_rows::ParquetRows;
 #[cfg(feature = "parquet")]
-pub use parquet_rows::{CellColumns, ParquetBatches, ParquetRows, parquet_properties};
+pub use parquet_rows::{CellColumns, ParquetBatches, parquet_properties};
 pub use rows::write_rows;
-#[cfg(not(feature = "parquet"))]
-pub use without_parquet::ParquetRows;
 
 /// Temporary files that are being written.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());

@@ -1,6 +1,7 @@
 //! Decoders of other projects: their panics and errors as errors about the file.
 
 use std::fs::File;
+use std::io::Read;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use arrow_schema::ArrowError;
@@ -42,4 +43,10 @@ pub(super) fn parquet_broken(error: ParquetError) -> Error {
 
 pub(super) fn clone_of(file: &File) -> Result<File> {
     file.try_clone().map_err(|e| Error::input(format!("cannot read: {e}")))
+}
+
+/// True where an unpacking reader has more bytes than were announced. A damaged one has not: its decoder reports it.
+pub(super) fn is_longer(unpacking: impl Read, announced: u64) -> bool {
+    let most = announced.saturating_add(1);
+    std::io::copy(&mut unpacking.take(most), &mut std::io::sink()).is_ok_and(|length| length == most)
 }

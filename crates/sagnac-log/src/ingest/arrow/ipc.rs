@@ -15,8 +15,8 @@ use arrow_ipc::reader::StreamReader;
 use lz4_flex::frame::FrameDecoder;
 
 use crate::error::{Error, Result};
-use crate::ingest::arrow::guard::{broken, clone_of, guarded};
-use crate::memory::{MemoryBudget, is_longer};
+use crate::ingest::arrow::guard::{broken, clone_of, guarded, is_longer};
+use crate::memory::MemoryBudget;
 
 /// Writers align the first message of a file to at most this.
 const PADDING: usize = 72;

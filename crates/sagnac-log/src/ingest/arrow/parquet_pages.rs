@@ -19,8 +19,8 @@ use lz4_flex::frame::FrameDecoder;
 use parquet::basic::Compression;
 use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData};
 
+use crate::ingest::arrow::guard::is_longer;
 use crate::ingest::arrow::thrift::{PageSizes, Part, Walk};
-use crate::memory::is_longer;
 
 /// First attempt at the length of a page header, and the longest one.
 const HEADER_BYTES: [usize; 2] = [1 << 10, 1 << 20];

@@ -11,9 +11,8 @@ use arrow_array::types::{
 use arrow_array::{Array, ArrowPrimitiveType};
 use arrow_schema::{DataType, TimeUnit};
 
-use crate::ingest::columns::iso::iso_text;
 use crate::ingest::columns::number::{
-    ISO_8601, SPREADSHEET_DAYS, is_missing, parse_flag, parse_time_ns, parse_value, time_ns_of,
+    EXACT_POWERS, ISO_8601, SPREADSHEET_DAYS, is_missing, parse_flag, parse_time_ns, parse_value, spreadsheet_ns,
 };
 use crate::ingest::columns::raw::{Faults, NO_TIME};
 
@@ -129,6 +128,19 @@ pub(crate) fn times(column: &dyn Array, places: u32, out: &mut Vec<i64>) -> Opti
     }
 }
 
+/// The time of a number, ns: as if written in its shortest decimal form.
+fn time_ns_of(value: f64, places: u32) -> Option<i64> {
+    if places == SPREADSHEET_DAYS {
+        return spreadsheet_ns(value);
+    }
+    let scaled = value * EXACT_POWERS.get(places as usize)?;
+    // Below this the product is within half a nanosecond of the decimal.
+    if scaled.abs() < (1_u64 << 50) as f64 {
+        return Some((scaled + 0.5_f64.copysign(scaled)) as i64);
+    }
+    parse_time_ns(value.to_string().as_bytes(), places, false)
+}
+
 fn arrow_times(column: &dyn Array, unit: TimeUnit, out: &mut dyn FnMut(Option<i64>)) -> Option<()> {
     let duration = matches!(column.data_type(), DataType::Duration(_));
     match (unit, duration) {
@@ -196,6 +208,11 @@ pub fn time_text(time_ns: i64, places: u32) -> String {
     if rest == 0 { format!("{sign}{whole}") } else { format!("{sign}{whole}.{fraction}") }
 }
 
+/// A time as ISO 8601 writes it, in UTC.
+fn iso_text(time_ns: i64) -> String {
+    chrono::DateTime::from_timestamp_nanos(time_ns).to_rfc3339_opts(chrono::SecondsFormat::AutoSi, true)
+}
+
 /// Bytes of text in each row of a column; none of another type.
 pub(crate) fn text_bytes(column: &dyn Array) -> Vec<usize> {
     let mut bytes = Vec::new();
@@ -226,4 +243,20 @@ pub(crate) fn texts(column: &dyn Array) -> Option<Vec<String>> {
         _ => integers(column, &mut |value| out.push(value.map_or(String::new(), |v| v.to_string())))?,
     }
     Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_is_the_time_that_its_text_is() {
+        for value in [0.01, 1234.56, -0.5, 2.0 / 3.0, 1_700_000_000.01, 4.2e6, 1e-9, 86_399.999_999] {
+            let text: String = format!("{value}");
+            assert_eq!(time_ns_of(value, 9), parse_time_ns(text.as_bytes(), 9, false), "{text}");
+        }
+        assert_eq!(time_ns_of(f64::NAN, 9), None);
+        assert_eq!(time_ns_of(1e300, 9), None);
+        assert_eq!(time_ns_of(45_292.0, SPREADSHEET_DAYS), parse_time_ns(b"2024-01-01T00:00:00Z", ISO_8601, false));
+    }
 }

@@ -5,8 +5,10 @@
 //! ```
 
 use crate::error::Result;
+use crate::ingest::bytes::source::Source;
 use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::raw::RawRows;
+use crate::setup::ReadConfig;
 
 /// Longest line of a log, and longest text of a field.
 pub(crate) const MAX_LINE_BYTES: usize = 1 << 20;
@@ -38,6 +40,27 @@ pub(crate) trait Parser: Send {
     fn parse(&mut self, text: &[u8], rows: &mut RawRows);
 }
 
+/// Reads the header of a log of one format.
+pub(crate) type Open = fn(Source, &ReadConfig, Purpose) -> Result<Opened>;
+
+/// Why a log is opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Purpose {
+    /// To be read.
+    Rows(ReadMode),
+    /// To be looked at: its first rows as text, whatever its columns are for.
+    Preview,
+}
+
+impl Purpose {
+    pub(crate) fn mode(self) -> ReadMode {
+        match self {
+            Self::Rows(mode) => mode,
+            Self::Preview => ReadMode::BulkWithText,
+        }
+    }
+}
+
 /// A log whose header has been read.
 pub(crate) struct Opened {
     pub(crate) feed: Box<dyn Feed>,
@@ -45,4 +68,11 @@ pub(crate) struct Opened {
     pub(crate) delimiter: u8,
     pub(crate) lines_before: u64,
     pub(crate) assumed: Vec<String>,
+}
+
+impl Opened {
+    /// As if one line of headers preceded the rows, and commas separated them.
+    pub(crate) fn new(feed: Box<dyn Feed>, layout: Layout) -> Self {
+        Self { feed, layout, delimiter: b',', lines_before: 1, assumed: Vec::new() }
+    }
 }

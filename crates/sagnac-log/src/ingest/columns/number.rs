@@ -34,7 +34,7 @@ pub(crate) fn is_missing(field: &[u8]) -> bool {
 }
 
 /// Powers of ten that `f64` holds exactly.
-const EXACT_POWERS: [f64; 23] = [
+pub(crate) const EXACT_POWERS: [f64; 23] = [
     1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19, 1e20,
     1e21, 1e22,
 ];
@@ -146,7 +146,7 @@ const EPOCH_DAYS: f64 = 25_569.0;
 const S_PER_DAY: f64 = 86_400.0;
 
 /// Days of a spreadsheet as ns since 1970, to the microsecond: a double has no more of them.
-fn spreadsheet_ns(days: f64) -> Option<i64> {
+pub(crate) fn spreadsheet_ns(days: f64) -> Option<i64> {
     let us = ((days - EPOCH_DAYS) * S_PER_DAY * 1e6).round();
     (us.abs() < 9.2e15).then(|| us as i64 * 1000)
 }
@@ -186,18 +186,6 @@ pub fn parse_time_ns(field: &[u8], places: u32, decimal_comma: bool) -> Option<i
     Some(if negative { -ns } else { ns })
 }
 
-/// The same for a number that came as one: as if written in its shortest decimal form.
-pub(crate) fn time_ns_of(value: f64, places: u32) -> Option<i64> {
-    if places == SPREADSHEET_DAYS {
-        return spreadsheet_ns(value);
-    }
-    let scaled = value * EXACT_POWERS.get(places as usize)?;
-    // Below this the product is within half a nanosecond of the decimal.
-    if scaled.abs() < (1_u64 << 50) as f64 {
-        return Some((scaled + 0.5_f64.copysign(scaled)) as i64);
-    }
-    parse_time_ns(value.to_string().as_bytes(), places, false)
-}
 /// `1`, `true`, `ok`, `yes` and their opposites; `None` for anything else.
 pub(crate) fn parse_flag(field: &[u8]) -> Option<bool> {
     match std::str::from_utf8(field).ok()?.trim().to_ascii_lowercase().as_str() {
@@ -269,16 +257,6 @@ mod tests {
     }
 
     #[test]
-    fn a_number_is_the_time_that_its_text_is() {
-        for value in [0.01, 1234.56, -0.5, 2.0 / 3.0, 1_700_000_000.01, 4.2e6, 1e-9, 86_399.999_999] {
-            let text: String = format!("{value}");
-            assert_eq!(time_ns_of(value, 9), parse_time_ns(text.as_bytes(), 9, false), "{text}");
-        }
-        assert_eq!(time_ns_of(f64::NAN, 9), None);
-        assert_eq!(time_ns_of(1e300, 9), None);
-    }
-
-    #[test]
     fn thousands_are_set_apart_without_a_guess() {
         for (text, comma, value) in [
             ("1.234.567,8", true, 1_234_567.8),
@@ -307,7 +285,6 @@ mod tests {
         let noon = crate::ingest::columns::iso::iso_ns("2024-02-29T12:00:00Z");
         assert_eq!(parse_time_ns(b"45351.5", SPREADSHEET_DAYS, false), noon);
         assert_eq!(parse_time_ns(b"45351,5", SPREADSHEET_DAYS, true), noon);
-        assert_eq!(time_ns_of(45_292.0, SPREADSHEET_DAYS), crate::ingest::columns::iso::iso_ns("2024-01-01T00:00:00Z"));
         assert_eq!(parse_time_ns(b"1e300", SPREADSHEET_DAYS, false), None);
         let second = parse_time_ns(b"45351.500011574", SPREADSHEET_DAYS, false).unwrap() - noon.unwrap();
         assert!((second - 1_000_000_000).abs() < 50_000, "{second}");
