@@ -21,7 +21,7 @@ use crate::threads::{helpers, spawn};
 const MAX_HELPERS: usize = 3;
 
 /// Feed and numbering of its pieces; whoever holds it reads.
-struct Reading {
+struct FeedInTurn {
     /// `None` at the end: the file is closed there, whichever threads still hold this.
     feed: Option<Box<dyn Feed>>,
     read: u64,
@@ -40,7 +40,7 @@ struct Ready {
 }
 
 struct Shared {
-    reading: Mutex<Reading>,
+    reading: Mutex<FeedInTurn>,
     ready: Mutex<Ready>,
     changed: Condvar,
     /// Largest number of waiting pieces.
@@ -60,7 +60,7 @@ struct Worker {
 
 impl Shared {
     /// Reads and parses one piece; false at the end.
-    fn work(&self, worker: &mut Worker, mut reading: MutexGuard<'_, Reading>) -> bool {
+    fn work(&self, worker: &mut Worker, mut reading: MutexGuard<'_, FeedInTurn>) -> bool {
         let Some(feed) = &mut reading.feed else { return false };
         let mut rows = lock(&self.ready).spare.pop().unwrap_or_default();
         // A panic of a third-party decoder means that the file is damaged.
@@ -135,7 +135,7 @@ impl ChunkReader {
         let most = if parallel { helpers(MAX_HELPERS) } else { 0 };
         let (worker, helpers) = (worker(), (0..most).map(|_| worker()).collect());
         let shared = Shared {
-            reading: Mutex::new(Reading { feed: Some(feed), read: 0 }),
+            reading: Mutex::new(FeedInTurn { feed: Some(feed), read: 0 }),
             ready: Mutex::default(),
             changed: Condvar::new(),
             room: 2 + 2 * most,

@@ -126,10 +126,10 @@ fn appended_offsets(payload: &[u8]) -> BTreeSet<u64> {
 }
 
 /// Type and name of each field.
-type Fields = Vec<(String, String)>;
+type FlatFields = Vec<(String, String)>;
 
 /// Name and fields of a flat format; `None` for a nested one.
-fn flat_format(payload: &[u8]) -> Option<(String, Fields)> {
+fn flat_format(payload: &[u8]) -> Option<(String, FlatFields)> {
     let text = std::str::from_utf8(payload).ok()?;
     let (name, fields) = text.split_once(':')?;
     let fields = fields.split_terminator(';').map(|field| {
@@ -142,7 +142,7 @@ fn flat_format(payload: &[u8]) -> Option<(String, Fields)> {
 
 /// A topic that is read.
 #[derive(Clone, Debug)]
-enum Use {
+enum TopicUse {
     Gyro([&'static str; 3], bool),
     /// Index of the column.
     Thermometer(usize),
@@ -152,7 +152,7 @@ enum Use {
 #[derive(Default)]
 struct Known {
     /// Each record itself, and the fields it names.
-    formats: BTreeMap<String, (Vec<u8>, Fields)>,
+    formats: BTreeMap<String, (Vec<u8>, FlatFields)>,
     /// Bytes of them.
     format_bytes: usize,
     /// Message id to topic, instance and the record itself.
@@ -187,15 +187,15 @@ impl Known {
     }
 
     /// Gyros of an instance: message id, fields and whether it has a temperature of its own; the preferred one first.
-    fn gyros(&self, instance: u8) -> impl Iterator<Item = (u16, Use)> {
+    fn gyros(&self, instance: u8) -> impl Iterator<Item = (u16, TopicUse)> {
         GYROS.iter().flat_map(move |(topic, fields)| {
             let of_topic = self.subscribed.iter().filter(move |(_, (name, of, _))| name == topic && *of == instance);
-            of_topic.map(move |(id, _)| (*id, Use::Gyro(*fields, self.has_field(topic, TEMPERATURE))))
+            of_topic.map(move |(id, _)| (*id, TopicUse::Gyro(*fields, self.has_field(topic, TEMPERATURE))))
         })
     }
 
     /// The preferred gyro that is not silent.
-    fn gyro(&self, instance: u8, silent: &BTreeSet<u16>) -> Option<(u16, Use)> {
+    fn gyro(&self, instance: u8, silent: &BTreeSet<u16>) -> Option<(u16, TopicUse)> {
         self.gyros(instance).find(|(id, _)| !silent.contains(id))
     }
 
@@ -305,7 +305,7 @@ struct Start {
     /// The newest message of every thermometer.
     early: BTreeMap<u16, Message>,
     /// The first message of the gyro, and what the gyro is; `None` at the file's end.
-    first: Option<(Message, (u16, Use))>,
+    first: Option<(Message, (u16, TopicUse))>,
     /// Message ids that have data.
     heard: BTreeSet<u16>,
 }
@@ -343,16 +343,16 @@ impl Start {
 }
 
 /// The table's headers, and the use of each topic that is read.
-fn columns(known: &Known, gyro: (u16, Use)) -> (Vec<String>, BTreeMap<u16, Use>) {
+fn columns(known: &Known, gyro: (u16, TopicUse)) -> (Vec<String>, BTreeMap<u16, TopicUse>) {
     let mut headers: Vec<String> =
         ["time_us", "rate_radps_x", "rate_radps_y", "rate_radps_z"].map(str::to_owned).into();
-    if matches!(gyro.1, Use::Gyro(_, true)) {
+    if matches!(gyro.1, TopicUse::Gyro(_, true)) {
         headers.push("temperature_c".to_owned());
     }
     let others = known.thermometers(gyro.0);
     let mut topics = BTreeMap::from([gyro]);
     for (id, name) in others {
-        topics.insert(id, Use::Thermometer(headers.len()));
+        topics.insert(id, TopicUse::Thermometer(headers.len()));
         headers.push(format!("temperature_c_{name}"));
     }
     (headers, topics)
@@ -363,7 +363,7 @@ fn begin(
     parser: &mut LogParser<'_>,
     header: &[u8; FILE_HEADER_BYTES],
     known: &Known,
-    topics: &BTreeMap<u16, Use>,
+    topics: &BTreeMap<u16, TopicUse>,
 ) -> Result<()> {
     parser.consume_bytes(header).map_err(|e| damaged(&e))?;
     // The parser needs flags before any subscription; these state that nothing was appended.
@@ -390,7 +390,7 @@ fn damaged(error: &UlogParseError) -> Error {
 /// The gyro's messages as pending rows.
 struct Table {
     layout: Layout,
-    topics: BTreeMap<u16, Use>,
+    topics: BTreeMap<u16, TopicUse>,
     /// One per column.
     slots: Vec<Slot>,
     rows: RawRows,
@@ -410,7 +410,7 @@ impl Table {
             parser.map_or(f64::NAN, |parser| f64::from(parser.parse(message.data)))
         };
         match self.topics.get(&message.msg_id) {
-            Some(Use::Gyro(fields, warm)) => {
+            Some(TopicUse::Gyro(fields, warm)) => {
                 let time = message.flattened_format.timestamp_field.as_ref();
                 let time_us = time.map(|field| field.parse_timestamp(message.data));
                 let time_ns = time_us.and_then(|us| i64::try_from(us).ok()?.checked_mul(1000)).unwrap_or(NO_TIME);
@@ -418,7 +418,7 @@ impl Table {
                 let own = warm.then(|| float(TEMPERATURE));
                 self.push_row(time_us.unwrap_or(0), time_ns, rates, own);
             }
-            Some(Use::Thermometer(column)) => self.waiting.push((*column, float(TEMPERATURE))),
+            Some(TopicUse::Thermometer(column)) => self.waiting.push((*column, float(TEMPERATURE))),
             None => {}
         }
     }

@@ -115,7 +115,7 @@ pub(crate) fn check_arrow(file: &mut File, form: ArrowForm, memory: MemoryBudget
 }
 
 /// A message's sizes, bytes.
-struct Message {
+struct MessageSizes {
     /// Of its body in the file.
     body: u64,
     /// Of its buffers in memory: those of the body, or what they unpack to.
@@ -125,7 +125,7 @@ struct Message {
 }
 
 /// The sizes of a message, if they are consistent; `share` is what it may unpack to.
-fn check_message(metadata: &[u8], file: &mut File, body_at: u64, size: u64, share: u64) -> Result<Message> {
+fn check_message(metadata: &[u8], file: &mut File, body_at: u64, size: u64, share: u64) -> Result<MessageSizes> {
     let damaged = |e: &dyn std::fmt::Display| Error::input(format!("a damaged Arrow file: {e}"));
     let message = arrow_ipc::root_as_message(metadata).map_err(|e| damaged(&e))?;
     let body = u64::try_from(message.bodyLength()).map_err(|e| damaged(&e))?;
@@ -135,7 +135,7 @@ fn check_message(metadata: &[u8], file: &mut File, body_at: u64, size: u64, shar
     let dictionary = message.header_as_dictionary_batch().and_then(|batch| batch.data());
     let stays = dictionary.is_some();
     let Some(batch) = message.header_as_record_batch().or(dictionary) else {
-        return Ok(Message { body, unpacked: body, stays });
+        return Ok(MessageSizes { body, unpacked: body, stays });
     };
     let codec = batch.compression().map(|compression| compression.codec());
     let mut unpacked = body;
@@ -160,5 +160,5 @@ fn check_message(metadata: &[u8], file: &mut File, body_at: u64, size: u64, shar
             }
         }
     }
-    Ok(Message { body, unpacked, stays })
+    Ok(MessageSizes { body, unpacked, stays })
 }

@@ -23,7 +23,7 @@ const FAR: f64 = 4.0;
 
 /// Interpretation of a step from one total to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Step {
+pub(crate) enum CounterStep {
     /// This many quanta were counted.
     Counted(i64),
     /// The counter was reset.
@@ -47,13 +47,13 @@ pub(crate) struct StepStatistics {
 
 impl StepStatistics {
     /// The step from one total to the next, over a number of intervals.
-    pub(crate) fn step(&self, before: i64, now: i64, intervals: i64, bits: Option<u8>) -> Step {
+    pub(crate) fn step(&self, before: i64, now: i64, intervals: i64, bits: Option<u8>) -> CounterStep {
         let difference = now - before;
         let over = intervals as f64;
         let expected = self.mean * over;
         let ambiguous = bits.is_some_and(|bits| FAR * self.uncertain(over) > 2.0_f64.powi(i32::from(bits)));
         if intervals > 1 && (ambiguous || expected.abs() > MOST_EXPECTED) {
-            return Step::Unknown;
+            return CounterStep::Unknown;
         }
         let step = match bits {
             None => difference,
@@ -67,12 +67,12 @@ impl StepStatistics {
         if bits.is_none()
             && let Some(wrap) = self.wrap(step, over)
         {
-            return Step::Wrap(wrap, step);
+            return CounterStep::Wrap(wrap, step);
         }
         if self.is_reset(now, step as f64 - expected, over) {
-            return Step::Reset;
+            return CounterStep::Reset;
         }
-        Step::Counted(step)
+        CounterStep::Counted(step)
     }
 
     /// Adds a used step to the statistics.
@@ -90,7 +90,7 @@ impl StepStatistics {
 
     /// True where a total in the first row of another file is what one interval after the last total of this one would bring.
     pub(crate) fn is_next(&self, before: i64, now: i64, bits: Option<u8>) -> bool {
-        let Step::Counted(step) = self.step(before, now, 1, bits) else { return false };
+        let CounterStep::Counted(step) = self.step(before, now, 1, bits) else { return false };
         self.is_known() && (step as f64 - self.mean).abs() <= 2.0 * self.spread + SOME_QUANTA
     }
 
@@ -142,14 +142,14 @@ mod tests {
             let step = steps().step(65_000, wrapped(now), intervals, Some(16));
             // 65 intervals are half a turn: the mean determines the turns until its spread is a quarter of one.
             match intervals {
-                ..=400 => assert_eq!(step, Step::Counted(500 * intervals + 3), "{intervals}"),
+                ..=400 => assert_eq!(step, CounterStep::Counted(500 * intervals + 3), "{intervals}"),
                 _ => assert!(
-                    [Step::Unknown, Step::Counted(500 * intervals + 3)].contains(&step),
+                    [CounterStep::Unknown, CounterStep::Counted(500 * intervals + 3)].contains(&step),
                     "{intervals}: {step:?}"
                 ),
             }
         }
-        assert_eq!(steps().step(65_000, wrapped(65_000 + 500 * 5000), 5000, Some(16)), Step::Unknown);
+        assert_eq!(steps().step(65_000, wrapped(65_000 + 500 * 5000), 5000, Some(16)), CounterStep::Unknown);
     }
 
     #[test]
@@ -166,17 +166,20 @@ mod tests {
 
     #[test]
     fn resets_and_wraps_are_told_apart() {
-        assert_eq!(steps().step(1_234_567, 490, 1, None), Step::Reset);
-        assert_eq!(steps().step(1_234_567, 490, 1, Some(32)), Step::Reset);
-        assert_eq!(steps().step(1_234_567, 5_000, 12, None), Step::Reset);
-        assert_eq!(steps().step(65_300, 264, 1, None), Step::Wrap(16, -65_036));
-        assert_eq!(steps().step(1_234_567, 1_240_567, 12, None), Step::Counted(6000));
+        assert_eq!(steps().step(1_234_567, 490, 1, None), CounterStep::Reset);
+        assert_eq!(steps().step(1_234_567, 490, 1, Some(32)), CounterStep::Reset);
+        assert_eq!(steps().step(1_234_567, 5_000, 12, None), CounterStep::Reset);
+        assert_eq!(steps().step(65_300, 264, 1, None), CounterStep::Wrap(16, -65_036));
+        assert_eq!(steps().step(1_234_567, 1_240_567, 12, None), CounterStep::Counted(6000));
         // A turn of the table is a step.
-        assert_eq!(steps().step(1_234_567, 1_334_567, 1, None), Step::Counted(100_000));
-        assert_eq!(steps().step(-9_000_000_000_000_000, 9_000_000_000_000_000, i64::MAX / 4, Some(52)), Step::Unknown);
+        assert_eq!(steps().step(1_234_567, 1_334_567, 1, None), CounterStep::Counted(100_000));
+        assert_eq!(
+            steps().step(-9_000_000_000_000_000, 9_000_000_000_000_000, i64::MAX / 4, Some(52)),
+            CounterStep::Unknown
+        );
         assert_eq!(
             StepStatistics::default().step(1_000_000, 3, 1, None),
-            Step::Counted(-999_997),
+            CounterStep::Counted(-999_997),
             "nothing is known yet"
         );
     }

@@ -24,7 +24,7 @@ const LOOSE: f64 = 0.1;
 const REGULAR_PART: f64 = 0.75;
 
 /// Statistics of the times of the first rows.
-struct Steps {
+struct TimeSteps {
     /// Mean of the steps within a tenth of their median, ns: stamps are often rounded.
     typical_ns: i64,
     /// Mean of all steps, ns.
@@ -34,7 +34,7 @@ struct Steps {
     regular_part: f64,
 }
 
-impl Steps {
+impl TimeSteps {
     fn of(times: &[i64]) -> Option<Self> {
         let mut steps: Vec<i64> =
             times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).filter(|s| *s > 0).collect();
@@ -83,7 +83,7 @@ pub(crate) fn nominal_interval(
         return Ok(given_ns);
     }
     let (read, times) = first_times(pieces, if live { 2 } else { LOOKAHEAD_ROWS }, ahead)?;
-    let steps = Steps::of(&times).filter(|steps| s_from_ns(steps.typical_ns) <= 1e5);
+    let steps = TimeSteps::of(&times).filter(|steps| s_from_ns(steps.typical_ns) <= 1e5);
     match (given, steps) {
         (Some(given_ns), Some(steps)) => steps.judge(given_ns).map(|()| given_ns),
         (None, Some(steps)) => Ok(steps.typical_ns),
@@ -187,7 +187,7 @@ impl PipeWatch {
             return Ok(());
         }
         self.times.push(time_ns);
-        match Steps::of(&self.times).filter(|_| self.times.len() > PIPE_STEPS) {
+        match TimeSteps::of(&self.times).filter(|_| self.times.len() > PIPE_STEPS) {
             Some(steps) => steps.judge(self.given_ns),
             None => Ok(()),
         }

@@ -20,11 +20,11 @@ const ONE_WAY: f64 = 0.95;
 
 /// Counts the steps of each axis as a log is read.
 pub(crate) struct RunningTotal {
-    axes: Vec<Steps>,
+    axes: Vec<Moves>,
 }
 
 #[derive(Clone, Default)]
-struct Steps {
+struct Moves {
     last: Option<f64>,
     rises: u64,
     falls: u64,
@@ -32,7 +32,7 @@ struct Steps {
 
 impl RunningTotal {
     pub(crate) fn new(axes: usize) -> Self {
-        Self { axes: vec![Steps::default(); axes] }
+        Self { axes: vec![Moves::default(); axes] }
     }
 
     /// The next rows.
@@ -50,7 +50,7 @@ impl RunningTotal {
 
     /// After some rows, or all.
     pub(crate) fn check(&self, letters: &[char]) -> Result<()> {
-        for (Steps { rises, falls, .. }, letter) in self.axes.iter().zip(letters) {
+        for (Moves { rises, falls, .. }, letter) in self.axes.iter().zip(letters) {
             let ((of, way), moves) = (if rises >= falls { (rises, "rise") } else { (falls, "fall") }, rises + falls);
             if moves >= FEWEST && *of as f64 >= ONE_WAY * moves as f64 {
                 let what = format!(

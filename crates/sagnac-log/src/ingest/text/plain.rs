@@ -120,7 +120,7 @@ impl PlainRows {
         into.resize(before + places.at.len());
         for (index, (slot, expected)) in slots.iter().zip(expected).enumerate() {
             let delimiter = (index < last).then_some(skipped_to);
-            let fields = Fields { piece, at: &mut places.at, delimiter, skipped_to };
+            let fields = ColumnFields { piece, at: &mut places.at, delimiter, skipped_to };
             let rows = fields.read(into, before, *slot, expected);
             places.at.truncate(rows);
         }
@@ -134,7 +134,7 @@ impl PlainRows {
 }
 
 /// The fields of one column.
-struct Fields<'a> {
+struct ColumnFields<'a> {
     piece: &'a [u8],
     at: &'a mut [usize],
     /// Behind each of them; `None` in the last column.
@@ -143,7 +143,7 @@ struct Fields<'a> {
     skipped_to: u8,
 }
 
-impl Fields<'_> {
+impl ColumnFields<'_> {
     /// Reads them into rows from `before` on; returns the number of rows before the first that has another field.
     fn read(self, into: &mut RawRows, before: usize, slot: Slot, expected: &mut Expected) -> usize {
         let skipped_to = self.skipped_to;

@@ -10,7 +10,7 @@ mod plain;
 
 use crate::error::{Error, Result};
 use crate::ingest::checks::batch::{Batch, Bridge};
-use crate::ingest::checks::counter::{Step, StepStatistics};
+use crate::ingest::checks::counter::{CounterStep, StepStatistics};
 use crate::ingest::checks::interval::PipeWatch;
 use crate::ingest::checks::reason::{Reason, Tallies};
 use crate::ingest::checks::thermometer::ThermometerCheck;
@@ -391,16 +391,16 @@ impl RowValidator {
         let mut steps = Vec::with_capacity(totals.len());
         for ((now, before), statistics) in totals.iter().zip(before).zip(&self.steps_by_axis) {
             match statistics.step(*before, *now, intervals, self.counter_bits) {
-                Step::Counted(step) => steps.push(step),
-                Step::Reset => {
+                CounterStep::Counted(step) => steps.push(step),
+                CounterStep::Reset => {
                     self.reject(Reason::CounterReset, row);
                     return Ok(None);
                 }
-                Step::Unknown => {
+                CounterStep::Unknown => {
                     self.reject(Reason::CounterUnknown, row);
                     return Ok(None);
                 }
-                Step::Wrap(bits, step) => {
+                CounterStep::Wrap(bits, step) => {
                     return Err(Error::input(format!(
                         "the cumulative counter steps by {step} quanta, as one of {bits} bits that wraps does"
                     ))
