@@ -80,7 +80,7 @@ pub struct MemoryTable {
 enum Hashing {
     Done,
     /// Computed in parallel with the decoding.
-    Beside(Option<JoinHandle<std::io::Result<u64>>>),
+    Parallel(JoinHandle<std::io::Result<u64>>),
     /// Computed after it: no further thread was to be had.
     After(PathBuf, HashHandle),
     /// Of the rows: the table has no bytes of its own.
@@ -261,11 +261,11 @@ fn rows_of_short_text(batch: &RecordBatch) -> Result<usize> {
 }
 
 impl Hashing {
-    /// Begins to hash beside the decoding, if there may be a further thread.
+    /// Begins to hash in parallel with the decoding, if there may be a further thread.
     fn begin(source: Source, path: PathBuf) -> Self {
         let (mut reader, hash) = (source.reader, source.hash);
         match spawn("hash", move || std::io::copy(&mut reader, &mut std::io::sink())) {
-            Ok(thread) => Self::Beside(Some(thread)),
+            Ok(thread) => Self::Parallel(thread),
             Err(_) => Self::After(path, hash),
         }
     }
@@ -274,12 +274,12 @@ impl Hashing {
     fn finish(&mut self) -> Result<()> {
         let unread = |e: std::io::Error| Error::input(format!("cannot read on: {e}"));
         match std::mem::replace(self, Self::Done) {
-            Self::Done | Self::Beside(None) => Ok(()),
+            Self::Done => Ok(()),
             Self::OfRows(mut hash) => {
                 hash.finish();
                 Ok(())
             }
-            Self::Beside(Some(thread)) => {
+            Self::Parallel(thread) => {
                 let defect = |_| Error::input("a defect of this program: the file could not be hashed");
                 thread.join().map_err(defect)?.map(|_| ()).map_err(unread)
             }

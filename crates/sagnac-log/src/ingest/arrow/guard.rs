@@ -18,13 +18,10 @@ pub(super) fn broken(what: &str, error: &dyn std::fmt::Display) -> Error {
     Error::input(format!("not a readable {what}: {error}"))
 }
 
-/// An error of a decoder, or one of our own in it.
+/// An error of Arrow's decoder, or one of our own in it.
 pub(super) fn unread(what: &str, error: ArrowError) -> Error {
     match error {
-        ArrowError::ExternalError(error) => match error.downcast::<Error>() {
-            Ok(own) => *own,
-            Err(other) => broken(what, &other),
-        },
+        ArrowError::ExternalError(error) => own_or_broken(what, error),
         error => broken(what, &error),
     }
 }
@@ -32,13 +29,13 @@ pub(super) fn unread(what: &str, error: ArrowError) -> Error {
 /// The same of Parquet's decoder.
 pub(super) fn parquet_broken(error: ParquetError) -> Error {
     match error {
-        // Our own, with what to do.
-        ParquetError::External(error) => match error.downcast::<Error>() {
-            Ok(own) => *own,
-            Err(other) => broken("Parquet file", &other),
-        },
+        ParquetError::External(error) => own_or_broken("Parquet file", error),
         error => broken("Parquet file", &error),
     }
+}
+
+fn own_or_broken(what: &str, error: Box<dyn std::error::Error + Send + Sync>) -> Error {
+    error.downcast::<Error>().map_or_else(|other| broken(what, &other), |own| *own)
 }
 
 pub(super) fn clone_of(file: &File) -> Result<File> {

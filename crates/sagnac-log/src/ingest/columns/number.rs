@@ -136,10 +136,10 @@ pub(crate) fn short_whole(bytes: &[u8]) -> Option<(f64, usize)> {
     Some((f64::from_bits((whole as f64).to_bits() ^ (negative << 63)), (u64::from(digits) + negative) as usize))
 }
 
-/// Used in place of a time's decimal places if the column holds dates.
+/// Used instead of a time's decimal places if the column holds dates.
 pub(crate) const ISO_8601: u32 = u32::MAX;
 
-/// Used in place of a time's decimal places if the column holds days since 1899-12-30, as spreadsheets store dates.
+/// Used instead of a time's decimal places if the column holds days since 1899-12-30, as spreadsheets store dates.
 pub(crate) const SPREADSHEET_DAYS: u32 = u32::MAX - 1;
 /// 1970-01-01 in those days.
 const EPOCH_DAYS: f64 = 25_569.0;

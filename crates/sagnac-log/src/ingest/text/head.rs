@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 use crate::ingest::bytes::foreign;
 use crate::ingest::bytes::source::Source;
 use crate::ingest::columns::feed::MAX_LINE_BYTES;
-use crate::ingest::columns::header::{self, COMPENSATED_STAMP, Layout, Role, role_of};
+use crate::ingest::columns::header::{self, COMPENSATED_STAMP, Role, role_of};
 use crate::ingest::columns::number::is_missing;
 use crate::setup::ReadConfig;
 
@@ -409,9 +409,4 @@ fn with_units(names: Vec<String>, units: Option<&[String]>, config: &ReadConfig)
     };
     let headers = names.into_iter().enumerate().map(one).collect::<Result<_>>()?;
     Ok((headers, said))
-}
-
-/// The layout of a text log.
-pub(crate) fn layout_of(header: &TextHeader, config: &ReadConfig) -> Result<Layout> {
-    Layout::new(header.headers.clone(), &config.columns, config.axis).map_err(|e| e.line(header.line))
 }

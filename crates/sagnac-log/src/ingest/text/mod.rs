@@ -9,6 +9,7 @@ mod plain;
 use crate::error::Result;
 use crate::ingest::bytes::source::Source;
 use crate::ingest::columns::feed::{Open, Opened, Purpose};
+use crate::ingest::columns::header::Layout;
 use crate::ingest::text::head::TextHeader;
 use crate::ingest::text::lines::TextFeed;
 use crate::setup::ReadConfig;
@@ -17,9 +18,8 @@ pub(crate) const OPEN: Option<Open> = Some(open);
 
 /// Headers must be known ones, whatever the purpose: a preview searches for others itself.
 fn open(mut source: Source, config: &ReadConfig, purpose: Purpose) -> Result<Opened> {
-    let header = head::read_header(&mut source, config)?;
-    let layout = head::layout_of(&header, config)?;
-    let feed = Box::new(TextFeed::new(source.reader, &layout, header.delimiter, purpose.mode()));
-    let TextHeader { delimiter, lines, assumed, .. } = header;
+    let TextHeader { headers, delimiter, lines, line, assumed } = head::read_header(&mut source, config)?;
+    let layout = Layout::new(headers, &config.columns, config.axis).map_err(|e| e.line(line))?;
+    let feed = Box::new(TextFeed::new(source.reader, &layout, delimiter, purpose.mode()));
     Ok(Opened { delimiter, lines_before: lines, assumed, ..Opened::new(feed, layout) })
 }
