@@ -83,26 +83,13 @@ impl Feed for TextFeed {
 
 impl TextFeed {
     fn fill(&mut self, piece: &mut Vec<u8>) -> std::io::Result<usize> {
+        let reader = self.reader.by_ref();
         if self.line_by_line {
-            return self.reader.by_ref().take(MAX_LINE_BYTES as u64).read_until(b'\n', piece);
+            return reader.take(MAX_LINE_BYTES as u64).read_until(b'\n', piece);
         }
-        let before = piece.len();
-        piece.resize(before + PIECE_BYTES, 0);
-        let mut filled = before;
-        let mut outcome = Ok(());
-        while filled < piece.len() {
-            match self.reader.read(&mut piece[filled..]) {
-                Ok(0) => break,
-                Ok(n) => filled += n,
-                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
-                Err(e) => {
-                    outcome = Err(e);
-                    break;
-                }
-            }
-        }
-        piece.truncate(filled);
-        outcome.map(|()| filled - before)
+        piece.reserve(PIECE_BYTES);
+        // What was read before an error stays in the piece.
+        reader.take(PIECE_BYTES as u64).read_to_end(piece)
     }
 }
 
