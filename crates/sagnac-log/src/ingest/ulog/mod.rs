@@ -10,13 +10,16 @@
 //! A topic that is announced and has no message is passed over: the file is then read a second time for the next one.
 //! A file that ends within a message, as after a power loss, gives one ragged row for it.
 //!
-//! This module splits the file into messages. Only those of topics that are read, all of them flat, go through
+//! `messages` splits the file. Only messages of topics that are read, all of them flat, go through
 //! `px4-ulog`: it panics on some malformed records and follows nested formats without a limit.
+
+mod messages;
+mod topics;
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 
 use csv::ByteRecord;
 use px4_ulog::stream_parser::file_reader::LogParser;
@@ -27,201 +30,15 @@ use crate::ingest::bytes::source::Source;
 use crate::ingest::columns::feed::{Feed, Open, Opened, Purpose, ReadMode};
 use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows, Slot};
+use crate::ingest::ulog::messages::{Message, Messages, Next, appended_offsets};
+use crate::ingest::ulog::topics::{Known, TEMPERATURE, TopicUse};
 use crate::setup::ReadConfig;
 
 /// Rows per piece.
 const BATCH_ROWS: usize = 4096;
-/// Largest number of formats and subscriptions.
-const MAX_KNOWN: usize = 4096;
-/// Largest size of all formats together, bytes: PX4's own have some 200 kB.
-const MAX_FORMAT_BYTES: usize = 4 << 20;
 /// Longest message of a thermometer that is kept for the first row.
 const MAX_READING_BYTES: usize = 4096;
 const FILE_HEADER_BYTES: usize = 16;
-/// Topics that hold rates, the preferred one first, and their fields.
-const GYROS: [(&str, [&str; 3]); 2] =
-    [("sensor_gyro", ["x", "y", "z"]), ("sensor_combined", ["gyro_rad[0]", "gyro_rad[1]", "gyro_rad[2]"])];
-const TEMPERATURE: &str = "temperature";
-/// Types a flat format may have.
-const SCALARS: [&str; 12] = [
-    "int8_t", "uint8_t", "int16_t", "uint16_t", "int32_t", "uint32_t", "int64_t", "uint64_t", "float", "double",
-    "bool", "char",
-];
-
-/// One message: type and payload.
-struct Message {
-    kind: u8,
-    payload: Vec<u8>,
-}
-
-impl Message {
-    /// The topic a data message belongs to.
-    fn id(&self) -> Option<u16> {
-        self.payload.first_chunk::<2>().map(|id| u16::from_le_bytes(*id))
-    }
-}
-
-/// Splits a file into messages.
-struct Messages {
-    reader: Box<dyn BufRead + Send>,
-    position: u64,
-    /// Where data was appended later; a message cut before it has no end.
-    appended: BTreeSet<u64>,
-}
-
-enum Next {
-    Message(Message),
-    Cut,
-    End,
-}
-
-impl Messages {
-    /// Reads as many bytes as there are, up to the buffer's length.
-    fn fill(&mut self, buffer: &mut [u8]) -> Result<usize> {
-        let mut filled = 0;
-        while filled < buffer.len() {
-            match self.reader.read(&mut buffer[filled..]) {
-                Ok(0) => break,
-                Ok(n) => filled += n,
-                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
-                Err(e) => return Err(Error::input(format!("cannot read on: {e}"))),
-            }
-        }
-        self.position += filled as u64;
-        Ok(filled)
-    }
-
-    fn next(&mut self) -> Result<Next> {
-        let mut head = [0; 3];
-        let end = self.position + head.len() as u64;
-        if let Some(at) = self.appended.range(self.position + 1..end).next().copied() {
-            // The last message before the appended data is cut within its header.
-            let left = (at - self.position) as usize;
-            self.fill(&mut head[..left])?;
-            return Ok(Next::Cut);
-        }
-        match self.fill(&mut head)? {
-            0 => return Ok(Next::End),
-            3 => {}
-            _ => return Ok(Next::Cut),
-        }
-        let length = u64::from(u16::from_le_bytes([head[0], head[1]]));
-        let until_appended = self.appended.range(self.position..).next().map(|at| at - self.position);
-        let cut = until_appended.filter(|left| *left < length);
-        let mut payload = vec![0; cut.unwrap_or(length) as usize];
-        let filled = self.fill(&mut payload)?;
-        Ok(match cut {
-            Some(_) => Next::Cut,
-            None if filled < payload.len() => Next::Cut,
-            None => Next::Message(Message { kind: head[2], payload }),
-        })
-    }
-}
-
-/// Where data was appended, from a flag-bits message.
-fn appended_offsets(payload: &[u8]) -> BTreeSet<u64> {
-    let offsets = payload.get(16..40).unwrap_or(&[]).chunks_exact(8);
-    let offsets = offsets.map(|bytes| u64::from_le_bytes(bytes.try_into().unwrap_or([0; 8])));
-    offsets.filter(|offset| *offset > 0).collect()
-}
-
-/// Type and name of each field.
-type FlatFields = Vec<(String, String)>;
-
-/// Name and fields of a flat format; `None` for a nested one.
-fn flat_format(payload: &[u8]) -> Option<(String, FlatFields)> {
-    let text = std::str::from_utf8(payload).ok()?;
-    let (name, fields) = text.split_once(':')?;
-    let fields = fields.split_terminator(';').map(|field| {
-        let (kind, name) = field.split_once(' ')?;
-        let scalar = kind.split_once('[').map_or(kind, |(scalar, _)| scalar);
-        SCALARS.contains(&scalar).then(|| (kind.to_owned(), name.to_owned()))
-    });
-    Some((name.to_owned(), fields.collect::<Option<Vec<_>>>()?))
-}
-
-/// A topic that is read.
-#[derive(Clone, Debug)]
-enum TopicUse {
-    Gyro([&'static str; 3], bool),
-    /// Index of the column.
-    Thermometer(usize),
-}
-
-/// Formats and subscriptions of the file so far.
-#[derive(Default)]
-struct Known {
-    /// Each record itself, and the fields it names.
-    formats: BTreeMap<String, (Vec<u8>, FlatFields)>,
-    /// Bytes of them.
-    format_bytes: usize,
-    /// Message id to topic, instance and the record itself.
-    subscribed: BTreeMap<u16, (String, u8, Vec<u8>)>,
-}
-
-impl Known {
-    fn learn(&mut self, message: &Message) {
-        match message.kind {
-            b'F' if self.formats.len() < MAX_KNOWN && self.format_bytes + message.payload.len() <= MAX_FORMAT_BYTES => {
-                self.format_bytes += message.payload.len();
-                if let Some((name, fields)) = flat_format(&message.payload) {
-                    self.formats.insert(name, (message.payload.clone(), fields));
-                }
-            }
-            b'A' if message.payload.len() > 3 && self.subscribed.len() < MAX_KNOWN => {
-                let id = u16::from_le_bytes([message.payload[1], message.payload[2]]);
-                if let Ok(topic) = std::str::from_utf8(&message.payload[3..])
-                    && self.formats.contains_key(topic)
-                {
-                    let subscription = (topic.to_owned(), message.payload[0], message.payload.clone());
-                    self.subscribed.entry(id).or_insert(subscription);
-                }
-            }
-            _ => {}
-        }
-    }
-
-    fn has_field(&self, topic: &str, field: &str) -> bool {
-        let fields = self.formats.get(topic).map(|(_, fields)| fields.as_slice()).unwrap_or_default();
-        fields.iter().any(|(kind, name)| name == field && kind == "float")
-    }
-
-    /// Gyros of an instance: message id, fields and whether it has a temperature of its own; the preferred one first.
-    fn gyros(&self, instance: u8) -> impl Iterator<Item = (u16, TopicUse)> {
-        GYROS.iter().flat_map(move |(topic, fields)| {
-            let of_topic = self.subscribed.iter().filter(move |(_, (name, of, _))| name == topic && *of == instance);
-            of_topic.map(move |(id, _)| (*id, TopicUse::Gyro(*fields, self.has_field(topic, TEMPERATURE))))
-        })
-    }
-
-    /// The preferred gyro that is not silent.
-    fn gyro(&self, instance: u8, silent: &BTreeSet<u16>) -> Option<(u16, TopicUse)> {
-        self.gyros(instance).find(|(id, _)| !silent.contains(id))
-    }
-
-    /// The gyros without data.
-    fn silent(&self, instance: u8, heard: &BTreeSet<u16>) -> BTreeSet<u16> {
-        self.gyros(instance).map(|(id, _)| id).filter(|id| !heard.contains(id)).collect()
-    }
-
-    fn is_thermometer(&self, id: u16) -> bool {
-        self.subscribed.get(&id).is_some_and(|(topic, ..)| self.has_field(topic, TEMPERATURE))
-    }
-
-    /// Thermometers of other sensors: message id and name.
-    fn thermometers(&self, gyro: u16) -> Vec<(u16, String)> {
-        let others = self.subscribed.iter().filter(|(id, (topic, of, _))| {
-            **id != gyro && *of == 0 && !topic.contains("gyro") && self.has_field(topic, TEMPERATURE)
-        });
-        others.map(|(id, (topic, ..))| (*id, topic.trim_start_matches("sensor_").to_owned())).collect()
-    }
-
-    fn topics(&self) -> String {
-        let names: BTreeSet<&str> = self.subscribed.values().map(|(topic, ..)| topic.as_str()).collect();
-        names.into_iter().collect::<Vec<_>>().join(", ")
-    }
-}
-
 pub(crate) const OPEN: Option<Open> = Some(open);
 
 /// Reads up to the gyro's first message, which makes the layout known. Its columns have Sagnac's names, whatever the purpose.
@@ -313,9 +130,9 @@ struct Start {
 impl Start {
     /// Reads on to the first message of the preferred gyro that is not `silent`.
     fn read(reader: Box<dyn BufRead + Send>, instance: u8, silent: &BTreeSet<u16>) -> Result<Self> {
-        let messages = Messages { reader, position: 0, appended: BTreeSet::new() };
         let (header, known, heard) = ([0; FILE_HEADER_BYTES], Known::default(), BTreeSet::new());
-        let mut start = Self { messages, header, known, early: BTreeMap::new(), first: None, heard };
+        let mut start =
+            Self { messages: Messages::of(reader), header, known, early: BTreeMap::new(), first: None, heard };
         if start.messages.fill(&mut start.header)? < FILE_HEADER_BYTES {
             return Err(Error::input("a truncated ULog file: not even its header is whole"));
         }
