@@ -27,7 +27,7 @@ use crate::ingest::columns::header::{Content, Layout, TableColumn};
 use crate::ingest::columns::log_shape::{AngleUnit, LogShape};
 use crate::ingest::columns::raw::RawRows;
 use crate::ingest::formats::Format;
-use crate::ingest::pieces::ChunkReader;
+use crate::ingest::pieces::Pieces;
 use crate::setup::{Counter, ReadConfig, Setup};
 use crate::threads::{helpers, spawn_in};
 use sagnac_units::ns_from_s;
@@ -54,7 +54,7 @@ const BATCHES_ALONE: usize = 2;
 
 /// A log being read.
 pub struct LogReader {
-    pieces: ChunkReader,
+    pieces: Pieces,
     layout: Layout,
     delimiter: u8,
     check: RowValidator,
@@ -134,7 +134,7 @@ impl LogReader {
 
     fn start(opened: Opened, name: &str, hash: HashHandle, config: &ReadConfig, mode: ReadMode) -> Result<Self> {
         let Opened { feed, layout, delimiter, lines_before, assumed } = opened;
-        let mut pieces = ChunkReader::new(feed, lines_before, mode != ReadMode::LineByLine);
+        let mut pieces = Pieces::new(feed, lines_before, mode != ReadMode::LineByLine);
         let unit = angle_unit(&layout, config)?;
         let mut ahead = VecDeque::new();
         let nominal_ns = nominal_interval(&mut pieces, &layout, config, mode, &mut ahead)?;

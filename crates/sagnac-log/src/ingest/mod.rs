@@ -1,13 +1,15 @@
 //! Reads logs: from bytes to checked rows.
 //!
 //! ```text
-//! bytes    Source: hash, gunzip, first bytes
-//! text, arrow, ulog    a Feed of pieces, and the Layout of their columns        formats: which reader has which first bytes
-//! columns  RawRows: parsed, not judged                                         pieces: parsed on all threads, in order
-//! checks   Aligner: temperatures to the time of counts ─▶ RowValidator ─▶ Batch
+//! bytes                 Source: hash, gunzip, first bytes
+//! columns               headers by role, numbers, times; RawRows: parsed, not judged; Feed: what the reader of a format gives
+//! text, arrow, ulog     one format each ─▶ a Feed of pieces            formats: which of them has which first bytes
+//! pieces                parsed on all threads, in order
+//! checks                Aligner: temperatures to the time of counts ─▶ RowValidator ─▶ Batch
+//! log_reader, logs, preview
 //! ```
 //!
-//! A room names only those above it: checks know no format, and a format knows no other.
+//! A room names only those above it. Checks know no format, and a format knows no other.
 //!
 //! [`LogReader`] reads one file, batch by batch, and never holds the whole log. A file whose clock restarts while its running total
 //! goes on can follow another one ([`LogReader::follow`]).

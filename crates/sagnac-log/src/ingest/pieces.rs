@@ -119,7 +119,7 @@ impl Shared {
 }
 
 /// The pieces of one log.
-pub(crate) struct ChunkReader {
+pub(crate) struct Pieces {
     shared: Arc<Shared>,
     worker: Worker,
     /// Helpers to be started when there is more than one piece.
@@ -128,7 +128,7 @@ pub(crate) struct ChunkReader {
     lines: u64,
 }
 
-impl ChunkReader {
+impl Pieces {
     /// `lines_before`: lines of the file above its first row. Without `parallel` nothing is read ahead.
     pub(crate) fn new(feed: Box<dyn Feed>, lines_before: u64, parallel: bool) -> Self {
         let worker = || Worker { text: Vec::new(), parser: feed.parser() };
@@ -211,7 +211,7 @@ impl ChunkReader {
     }
 }
 
-impl Drop for ChunkReader {
+impl Drop for Pieces {
     /// Helpers end by themselves; one that is blocked on a pipe is not joined.
     fn drop(&mut self) {
         lock(&self.shared.ready).abandoned = true;

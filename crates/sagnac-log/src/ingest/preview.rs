@@ -13,7 +13,7 @@ use crate::ingest::columns::iso::iso_ns;
 use crate::ingest::columns::number::{is_missing, parse_value};
 use crate::ingest::columns::raw::RawRows;
 use crate::ingest::formats::Format;
-use crate::ingest::pieces::ChunkReader;
+use crate::ingest::pieces::Pieces;
 use crate::ingest::text::head::{Head, delimiter_of, fit_to_rows, is_unit, refuse_binary, split};
 use crate::setup::ReadConfig;
 use sagnac_units::s_from_ns;
@@ -109,7 +109,7 @@ fn sampled(source: Source) -> Result<Sample> {
 fn sampled_columns(source: Source, config: &ReadConfig) -> Result<Sample> {
     let Opened { feed, layout, lines_before, assumed, .. } =
         Format::of(&source.start).open(source, config, Purpose::Preview)?;
-    let mut pieces = ChunkReader::new(feed, lines_before, false);
+    let mut pieces = Pieces::new(feed, lines_before, false);
     let mut columns: Vec<SampleColumn> =
         layout.headers.into_iter().map(|header| SampleColumn { header, unit: None, cells: Vec::new() }).collect();
     let (mut rows, mut read) = (RawRows::default(), 0);

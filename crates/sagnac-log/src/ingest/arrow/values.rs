@@ -177,7 +177,7 @@ pub(crate) fn flags(column: &dyn Array, faults: &mut [Faults]) -> Option<()> {
     Some(())
 }
 
-/// A column of a table as times, ns, by the places of its header ([`crate::ingest::columns::header::Role::Time`]); `None` for one that has none, and in the
+/// A column of a table as times, ns, by the places of its header ([`crate::ingest::header::Role::Time`]); `None` for one that has none, and in the
 /// place of a time that is none.
 pub fn column_times(column: &dyn Array, places: u32) -> Option<Vec<Option<i64>>> {
     let mut out = Vec::new();

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::ingest::columns::feed::ReadMode;
 use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::raw::{Faults, RawRows};
-use crate::ingest::pieces::ChunkReader;
+use crate::ingest::pieces::Pieces;
 use crate::setup::ReadConfig;
 use sagnac_units::format::significant;
 use sagnac_units::{NS_PER_S, ns_from_s, s_from_ns};
@@ -67,7 +67,7 @@ impl TimeSteps {
 
 /// The interval of a row: as given, otherwise from the first rows.
 pub(crate) fn nominal_interval(
-    pieces: &mut ChunkReader,
+    pieces: &mut Pieces,
     layout: &Layout,
     config: &ReadConfig,
     mode: ReadMode,
@@ -116,7 +116,7 @@ fn untimed(layout: &Layout, config: &ReadConfig, given: Option<i64>) -> Result<i
 
 /// Reads rows until enough of them have a time; returns the number of rows read and their times. Broken rows and repeated
 /// times do not count, and a pipe may begin in the middle of a row.
-fn first_times(pieces: &mut ChunkReader, wanted: usize, ahead: &mut VecDeque<RawRows>) -> Result<(usize, Vec<i64>)> {
+fn first_times(pieces: &mut Pieces, wanted: usize, ahead: &mut VecDeque<RawRows>) -> Result<(usize, Vec<i64>)> {
     let (mut read, mut times) = (0, Vec::new());
     let mut rows = RawRows::default();
     while times.len() < wanted && pieces.next(&mut rows)? {

@@ -153,7 +153,7 @@ pub(crate) fn spreadsheet_ns(days: f64) -> Option<i64> {
 
 /// A time as whole nanoseconds, to the nearest; exact for decimals down to 1 ns.
 ///
-/// `places` is the power of ten from the column's unit to nanoseconds, or what a header of dates or of days has in its place ([`crate::ingest::columns::header::Role::Time`]).
+/// `places` is the power of ten from the column's unit to nanoseconds, or what a header of dates or of days has in its place ([`crate::ingest::header::Role::Time`]).
 /// Exponents go through `f64`.
 pub fn parse_time_ns(field: &[u8], places: u32, decimal_comma: bool) -> Option<i64> {
     let text = std::str::from_utf8(field).ok()?.trim();
