@@ -77,10 +77,9 @@ fn over_the_line(folder: &Path, bytes: Vec<u8>) -> Result<(Vec<u8>, String)> {
 
 /// `sagnac line read` reads the line; returns its summary.
 fn frames_summary(line: &Path, csv: &Path) -> Result<String> {
-    let output =
-        Command::new(Program::beside_the_lab()?.path())
-            .args(["line", "read", text(line)?, "-o", text(csv)?])
-            .output()?;
+    let output = Command::new(Program::beside_the_lab()?.path())
+        .args(["line", "read", text(line)?, "-o", text(csv)?])
+        .output()?;
     let summary = String::from_utf8_lossy(&output.stderr).trim().replace('\n', "; ");
     ensure!(
         output.status.success() && summary.contains(" 0 missing") && !summary.contains("belong to no frame"),
