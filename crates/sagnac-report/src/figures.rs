@@ -181,7 +181,7 @@ pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
     let knee = best.iter().find(|point| point.knee)?;
     let caption = format!(
         "Each point is a model, evaluated on data that its fit did not see. The line joins those with the least error for their cost; the knee, {}, is the \
-         cheapest within 2 % of the least mean square. The slow update runs once in a temperature period; the tick takes {} instructions \
+         cheapest on which no larger one is justified. The slow update runs once in a temperature period; the tick takes {} instructions \
          for every model.",
         knee.candidate.model, TICK_INSTRUCTIONS
     );

@@ -144,7 +144,7 @@ fn tradeoff(axis: &AxisCalibration) -> Result<String> {
             point.instructions.to_string(),
             significant(point.held_out_dph, 4),
             floor.map_or("-".to_owned(), |floor| significant(point.held_out_dph / floor, 3)),
-            if point.knee { "the knee: cheapest within 2 % of the least mean square" } else { "" }.to_owned(),
+            if point.knee { "the knee: no larger model is justified" } else { "" }.to_owned(),
         ]
     });
     let header = ["cheapest models", "slow update, instructions", "held-out σ, °/h", "over the floor", ""];
