@@ -218,18 +218,6 @@ impl Factor {
         Some(Solution { theta: theta.column(0).into_owned(), ssr: r[(p, p)] * r[(p, p)], r: square })
     }
 
-    /// Residual sums of squares of the first columns of some, as many as each of `counts` says, by one factor; infinite where those are not
-    /// independent.
-    pub(crate) fn misfits_of_first(&self, columns: &[usize], counts: impl Iterator<Item = usize>) -> Vec<f64> {
-        let with_y: Vec<usize> = columns.iter().copied().chain(std::iter::once(self.0.ncols() - 1)).collect();
-        let picked = self.0.select_columns(&with_y);
-        let lengths: Vec<f64> = (0..columns.len()).map(|j| picked.column(j).norm()).collect();
-        let r = triangle(picked);
-        let independent = (0..columns.len()).take_while(|j| is_independent(r[(*j, *j)], lengths[*j])).count();
-        let beyond = |count: usize| (count..r.nrows()).map(|row| r[(row, columns.len())].powi(2)).sum();
-        counts.map(|count| if count <= independent { beyond(count) } else { f64::INFINITY }).collect()
-    }
-
     /// A column solved for some others; `None` when those are not independent.
     pub(crate) fn regress(&self, column: usize, others: &[usize]) -> Option<Solution> {
         let all: Vec<usize> = others.iter().copied().chain(std::iter::once(column)).collect();

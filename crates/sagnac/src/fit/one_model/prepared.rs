@@ -21,7 +21,7 @@ use std::ops::Range;
 use std::sync::{Arc, RwLock};
 
 /// Most numbers in Q₁: 32 MB. As many again are kept for V'.
-pub(crate) const MOST_VALUES: usize = 4 << 20;
+const MOST_VALUES: usize = 4 << 20;
 /// A column whose part beyond the columns before it is a smaller fraction of it is nothing but rounding.
 const ROUNDING: f64 = 1e-14;
 
@@ -118,11 +118,6 @@ impl<'a> Prepared<'a> {
         (0..self.bases.len()).map(|block| self.factor(block, &columns)).collect()
     }
 
-    /// An orthonormal basis of what does not depend on a lag, of the first block: shared levels first.
-    pub(crate) fn fixed_basis(&self) -> Vec<Vec<f64>> {
-        self.bases.first().map_or(Vec::new(), |fixed| fixed.q.clone())
-    }
-
     /// The columns of the rate terms in their order.
     fn varying_of<'m>(&self, moved: &'m [(usize, Arc<[Beyond]>)]) -> Vec<&'m Beyond> {
         let mut taken: HashMap<usize, usize> = HashMap::new();
@@ -186,7 +181,7 @@ impl<'a> Prepared<'a> {
     }
 
     /// A column, each row times the root of its weight, without what is projected out of its run.
-    pub(crate) fn column(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
+    fn column(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
         let problem = self.problem;
         let mut all: Vec<f64> = (0..problem.len()).map(|row| problem.weight[row].sqrt() * value(row)).collect();
         for (run, basis) in self.of_runs.iter().enumerate().filter(|(_, basis)| !basis.is_empty()) {
@@ -241,7 +236,7 @@ impl<'a> Prepared<'a> {
 }
 
 /// Takes the part within an orthonormal basis out of a column; the coefficients of that part.
-pub(crate) fn project(basis: &[Vec<f64>], column: &mut [f64]) -> Vec<f64> {
+fn project(basis: &[Vec<f64>], column: &mut [f64]) -> Vec<f64> {
     let mut parts = vec![0.0; basis.len()];
     for _ in 0..2 {
         for (part, direction) in parts.iter_mut().zip(basis) {
@@ -254,7 +249,7 @@ pub(crate) fn project(basis: &[Vec<f64>], column: &mut [f64]) -> Vec<f64> {
 }
 
 /// Adds a column's own direction to an orthonormal basis; its coefficients. A column without one adds nothing but zeros.
-pub(crate) fn extend(basis: &mut Vec<Vec<f64>>, column: &mut [f64]) -> Vec<f64> {
+fn extend(basis: &mut Vec<Vec<f64>>, column: &mut [f64]) -> Vec<f64> {
     let whole = dot(column, column).sqrt();
     let mut parts = project(basis, column);
     let norm = dot(column, column).sqrt();
@@ -266,7 +261,7 @@ pub(crate) fn extend(basis: &mut Vec<Vec<f64>>, column: &mut [f64]) -> Vec<f64> 
 }
 
 /// In four sums at a time, which a processor adds together.
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+fn dot(a: &[f64], b: &[f64]) -> f64 {
     const LANES: usize = 4;
     let (heads, tails) = (a.chunks_exact(LANES).zip(b.chunks_exact(LANES)), a.len() / LANES * LANES);
     let mut sums = [0.0; LANES];

@@ -14,7 +14,7 @@ use crate::fit::one_model::two_lags::coarse_pairs;
 use crate::fit::problem::lag::RATE_COLUMNS;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::rows::{Rates, TermColumn};
-use crate::model::spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};
+use crate::model::spec::ModelSpec;
 use crate::noise_model::factor::{Factor, RunColumns, RunReducer, Solution};
 use nalgebra::DVector;
 use rayon::prelude::*;
@@ -120,42 +120,14 @@ fn fold_squares(
 ) -> Vec<Option<f64>> {
     let training: Vec<Option<&Factor>> = factors.iter().map(|of_tau| of_tau.without[fold].as_ref()).collect();
     let (known, free) = division.levels_without(problem, fold);
-    let mut misfits = RateMisfits::default();
     let squares = candidates.iter().map(|candidate| {
         let columns = columns_of_grid(candidate, &known, division.levels());
-        let of = candidate.thermometer();
-        let tau = match of.rate {
-            None => 0,
-            Some(rate) if of.scale == 0 => {
-                let all = ModelSpec::of_thermometer(InputTerms { rate: Some(MAX_RATE_ORDER), ..of.clone() });
-                let all = columns_of_grid(&all, &known, division.levels());
-                misfits.best_tau(&training[..taus_s.len()], of.bias, rate, &all)?
-            }
-            Some(_) => best_tau(&training[..taus_s.len()], &columns)?,
-        };
+        let is_rated = candidate.thermometer().rate.is_some();
+        let tau = if is_rated { best_tau(&training[..taus_s.len()], &columns)? } else { 0 };
         let theta = training[tau]?.solve(&columns)?.theta;
         Some(factors[tau].blocks[fold].ssr(&columns, &theta, &free))
     });
     squares.collect()
-}
-
-/// By order of the bias: per τ the misfits with each order of the rate, from none on.
-#[derive(Default)]
-struct RateMisfits(BTreeMap<u8, Vec<Vec<f64>>>);
-
-impl RateMisfits {
-    /// The τ of least misfit on the training set; `columns` are those of the highest order of the rate, which come last.
-    fn best_tau(&mut self, training: &[Option<&Factor>], bias: u8, rate: u8, columns: &[usize]) -> Option<usize> {
-        let without_rate = columns.len() - RATE_COLUMNS;
-        let of_tau = |factor: &Option<&Factor>| {
-            factor.map_or(Vec::new(), |factor| factor.misfits_of_first(columns, without_rate..=columns.len()))
-        };
-        let of_bias = self.0.entry(bias).or_insert_with(|| training.iter().map(of_tau).collect());
-        let misfits = of_bias.iter().enumerate();
-        let misfits = misfits.filter_map(|(tau, orders)| Some((tau, *orders.get(usize::from(rate) + 1)?)));
-        let best = misfits.filter(|(_, misfit)| misfit.is_finite()).min_by(|(_, a), (_, b)| a.total_cmp(b));
-        best.map(|(tau, _)| tau)
-    }
 }
 
 /// The τ of least misfit on the training set.

@@ -15,7 +15,6 @@ pub(crate) mod held_by_image;
 pub(crate) mod nuisance;
 pub(crate) mod period;
 pub(crate) mod prices;
-pub(crate) mod screening;
 pub(crate) mod search;
 pub(crate) mod selected;
 pub(crate) mod warm_up;

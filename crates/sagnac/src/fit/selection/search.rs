@@ -5,7 +5,6 @@
 //! forward:   candidates have one order (input, zone, set of steps, second lag) more; those must improve on the reference (m: candidates
 //!            of this step), and the residual of their fit on that of the last model by as much: held-out errors of one record
 //!            scatter more than residuals. Selected: the smallest that no other of them improves on.
-//!            Beside a model without a lag, those whose residual cannot fall by half of that, as a logarithm, are not fitted (`screening`).
 //! backward:  candidates have one order less; the reference must not improve on them. Selected: the smallest.
 //! ```
 //!
@@ -26,7 +25,6 @@ use crate::fit::selection::criterion::{CvScore, is_undominated, needed_gain};
 use crate::fit::selection::folds::Trial;
 use crate::fit::selection::held_by_image::ImageCheck;
 use crate::fit::selection::prices::{CONDITION_MAX, MOST_RATE, ZONES};
-use crate::fit::selection::screening::{Bound, Screen};
 use crate::model::input::channels;
 use crate::model::price::work_of;
 use crate::model::spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};
@@ -65,8 +63,6 @@ struct Tried {
     condition: Option<f64>,
     /// An image can hold it.
     held: bool,
-    /// Not fitted: its terms can gain too little.
-    screened: Option<Bound>,
 }
 
 impl Tried {
@@ -115,9 +111,8 @@ pub(crate) fn walk(
 }
 
 fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], image: &ImageCheck<'_>) -> Option<Path> {
-    let mut here = try_all(problem, std::slice::from_ref(start), taus_s, image, 0, |_| None)
-        .pop()
-        .filter(|t| t.mean_square.is_some())?;
+    let mut here =
+        try_all(problem, std::slice::from_ref(start), taus_s, image, 0).pop().filter(|t| t.mean_square.is_some())?;
     let mut steps = vec![here.step(0, SearchVerdict::Start)];
     let mut least = here.held();
     let mut number = 0;
@@ -132,12 +127,7 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
                 let more = spec.coefficients().saturating_sub(here.spec.coefficients());
                 needed_gain(here.windows, more, next.len().max(ZONES.len()))
             };
-            let screen = if forward { Screen::new(problem, &here.spec, taus_s) } else { None };
-            let refused = |spec: &ModelSpec| {
-                let bound = screen.as_ref().and_then(|screen| screen.bound(spec));
-                bound.filter(|bound| bound.least_misfit * needed(spec).sqrt() >= here.misfit)
-            };
-            let tried = try_all(problem, &next, taus_s, image, number + 1, refused);
+            let tried = try_all(problem, &next, taus_s, image, number + 1);
             let passes = |model: &Tried| {
                 if !forward {
                     return is_undominated(model.held(), &[least], here.windows);
@@ -152,7 +142,6 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
                     (true, ..) => SearchVerdict::Selected,
                     (_, _, true) => SearchVerdict::Collinear,
                     _ if !model.held => SearchVerdict::NotInImage,
-                    _ if model.screened.is_some() => SearchVerdict::NoGain,
                     (_, false, _) => SearchVerdict::NotFitted,
                     _ if forward => SearchVerdict::NoGain,
                     _ => SearchVerdict::Needed,
@@ -174,7 +163,6 @@ fn walk_from(problem: &LeastSquares<'_>, start: &ModelSpec, taus_s: &[f64], imag
 
 fn collinear(model: &Tried) -> bool {
     model.condition.is_some_and(|condition| condition > CONDITION_MAX)
-        || model.screened.is_some_and(|bound| bound.is_collinear)
 }
 
 /// Of those that pass the smallest that none of them betters by what it must; of those of one size the least condition.
@@ -195,14 +183,10 @@ fn try_all(
     taus_s: &[f64],
     image: &ImageCheck<'_>,
     step: usize,
-    refused: impl Fn(&ModelSpec) -> Option<Bound> + Sync,
 ) -> Vec<Tried> {
     let part = problem.progress.part(format_args!("model search, step {step}"), specs.len());
     let tried = |spec: &ModelSpec| {
-        let tried = match refused(spec) {
-            None => try_one(problem, spec, taus_s, image),
-            Some(bound) => screened(problem, spec, bound),
-        };
+        let tried = try_one(problem, spec, taus_s, image);
         part.one_more();
         tried
     };
@@ -220,21 +204,7 @@ fn try_one(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64], image: 
     let windows = effective_windows(problem.len(), rho);
     let misfit = fitted.as_ref().map_or(f64::INFINITY, |fitted| fitted.misfit(problem));
     let inputs = inputs_read(problem, spec);
-    Tried { spec: spec.clone(), windows, inputs, mean_square, misfit, condition, held, screened: None }
-}
-
-/// A model whose terms can gain too little to be fitted.
-fn screened(problem: &LeastSquares<'_>, spec: &ModelSpec, bound: Bound) -> Tried {
-    Tried {
-        spec: spec.clone(),
-        windows: problem.len() as f64,
-        inputs: inputs_read(problem, spec),
-        mean_square: None,
-        misfit: f64::INFINITY,
-        condition: None,
-        held: true,
-        screened: Some(bound),
-    }
+    Tried { spec: spec.clone(), windows, inputs, mean_square, misfit, condition, held }
 }
 
 /// An image can read all inputs of a model and hold all its terms.
