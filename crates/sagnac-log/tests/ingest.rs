@@ -446,3 +446,17 @@ fn a_rate_that_no_gyro_has_is_no_value() {
     assert_eq!(batch.reference_dps[0], 1e5);
     assert!(batch.reference_dps[1..].iter().all(|rate| rate.is_nan()));
 }
+
+/// Binary data are known by their first block, not by the few bytes that tell a format.
+#[test]
+fn binary_data_are_no_text_however_they_begin() {
+    let matlab = [b"MATLAB 7.3 MAT-file, Platform: GLNXA64".as_slice(), &[b' '; 80], b"\r\x00\x02IM"].concat();
+    assert!(refused(matlab.clone(), &counts_setup()).what.contains("MATLAB 7.3"));
+    let mut gzip = GzEncoder::new(Vec::new(), Compression::fast());
+    gzip.write_all(&matlab).unwrap();
+    assert!(refused(gzip.finish().unwrap(), &counts_setup()).what.contains("MATLAB 7.3"));
+    for odd in [b"\x00".as_slice(), b"\xff\x01\x02"] {
+        let binary = [PLAIN.as_bytes(), odd, b"\n"].concat();
+        assert!(refused(binary, &counts_setup()).what.contains("binary data"), "{odd:?}");
+    }
+}

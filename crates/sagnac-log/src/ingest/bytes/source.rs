@@ -157,10 +157,21 @@ fn utf16_of(start: &[u8]) -> Option<&'static str> {
     }
 }
 
-/// The first bytes of a reader, and a reader that still has them. A pipe may give them one by one; a line that ends earlier is text.
+/// The first bytes of a reader, and a reader that still has them. A reader that gives enough of them at once stays as it is, for its
+/// whole first block tells binary data from text. A pipe may give them one by one; a line that ends earlier is text.
 fn first_bytes(mut reader: Box<dyn BufRead + Send>, name: &str) -> Result<(Box<dyn BufRead + Send>, Vec<u8>)> {
-    let mut start = Vec::new();
-    let read = reader.by_ref().take(FIRST_BYTES as u64).read_until(b'\n', &mut start);
-    read.map_err(|e| Error::io(name, "read", &e))?;
+    let failed = |e: std::io::Error| Error::io(name, "read", &e);
+    let mut start = loop {
+        match reader.fill_buf() {
+            Ok(bytes) => break bytes[..bytes.len().min(FIRST_BYTES)].to_vec(),
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(failed(e)),
+        }
+    };
+    if start.len() == FIRST_BYTES || start.is_empty() || start.contains(&b'\n') {
+        return Ok((reader, start));
+    }
+    start.clear();
+    reader.by_ref().take(FIRST_BYTES as u64).read_until(b'\n', &mut start).map_err(failed)?;
     Ok((Box::new(Cursor::new(start.clone()).chain(reader)), start))
 }
