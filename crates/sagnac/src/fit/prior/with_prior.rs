@@ -125,7 +125,7 @@ fn noise_of(problem: &LeastSquares<'_>, linear: &Linear, solved: &Solved, prior:
     if criterion(of_fleet) < criterion(measured) + PRIOR_CONTRADICTED { of_fleet } else { measured }
 }
 
-/// Degrees of freedom of the interval after Satterthwaite, as [`crate::fit::one_model::solution::with_slow_noise`] has them.
+/// Degrees of freedom of the interval after Satterthwaite, as [`crate::fit::one_model::residual_noise`] has them.
 fn degrees_of(
     problem: &LeastSquares<'_>,
     linear: &Linear,

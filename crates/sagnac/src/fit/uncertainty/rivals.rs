@@ -9,7 +9,7 @@
 //! ```
 //!
 //! with k the columns without a prior and e the effective number of rises, at Akaike's price. A free curve is a random walk over temperature; its λ
-//! goes up a ladder to where one rise may be as large as the whole curve. All count in the average of [`super::grades`], and judge the fitted model
+//! goes up a ladder to where one rise may be as large as the whole curve. All count in the average of [`super::curve_spread`], and judge the fitted model
 //! ([`lack_of_fit`]); none is selected here. Over a kink, or a curve that saturates, every series is wrong somewhere by more than the spread
 //! among series shows.
 //!
