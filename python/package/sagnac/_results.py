@@ -295,8 +295,9 @@ class Calibration(_Result[Axis]):
         return Table(self._native.residuals(self._letter(axis)))
 
     def notes(self, axis: str | None = None) -> list[tuple[str, str]]:
-        """What is worth knowing of the fit before its use: its level (`fact`, `note` or `warning`) and its words."""
-        return self._native.notes(self._letter(axis))
+        """Notes to read before the fit is used: the level of each (`fact`, `note` or `warning`) and its words."""
+        notes: list[tuple[str, str]] = self._native.notes(self._letter(axis))
+        return notes
 
     def candidates(self, axis: str | None = None) -> Table:
         """The models that were tried for an axis, with their held-out residuals in °/h."""
