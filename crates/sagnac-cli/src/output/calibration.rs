@@ -95,7 +95,7 @@ fn say_notes(console: &mut Console, axis: &AxisCalibration, notes: &[Note], abou
 /// Runs that have a line each; more are one line.
 const MOST_RUNS: usize = 8;
 
-/// Many runs in one line: their range and scatter, beside what noise makes of each.
+/// Many runs in one line: their range and scatter.
 fn range_of_runs(axis: &AxisCalibration, offsets: &[RunOffset]) -> String {
     let by_value = |a: &&RunOffset, b: &&RunOffset| a.value_dph.total_cmp(&b.value_dph);
     let [lowest, highest] = [offsets.iter().min_by(by_value), offsets.iter().max_by(by_value)];

@@ -6,7 +6,7 @@ use sagnac_units::format::significant;
 
 use crate::output::terminal::table;
 
-/// Every limit with its value; beside it the value over every row, where some were excluded.
+/// Every limit with its value, next to the value over every row where some were excluded.
 pub(crate) fn limits_table(limits: &[Verdict], excluding: bool) -> String {
     let rows = limits.iter().map(|l| {
         let word = if l.word() == "not met" { "NOT MET" } else { l.word() };

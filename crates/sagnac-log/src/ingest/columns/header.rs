@@ -154,7 +154,7 @@ pub fn already_compensated() -> Error {
         .help("use the log that `sagnac compensate` read")
 }
 
-/// The error for the windows of a log in place of the log.
+/// The error for a table of windows instead of a log.
 pub fn table_of_windows() -> Error {
     Error::input("a table of windows, not a log")
         .help("give the logs that it was made from: sagnac calibrate LOG.csv -o unit.cal.json")

@@ -6,7 +6,7 @@ use crate::ingest::ulog::messages::Message;
 
 /// Largest number of formats and subscriptions.
 const MAX_KNOWN: usize = 4096;
-/// Largest size of all formats together, bytes: PX4's own have some 200 kB.
+/// Largest size of all formats together, bytes: PX4's own have about 200 kB.
 const MAX_FORMAT_BYTES: usize = 4 << 20;
 /// Topics that hold rates, the preferred one first, and their fields.
 const GYROS: [(&str, [&str; 3]); 2] =

@@ -1,8 +1,8 @@
 //! The record of the fit of one axis.
 
 use crate::calibration::{
-    AxisCalibration, AxisCorrection, Collinearity, FitDiagnostics, Hysteresis, LogUnit, Residual, RunOffset, Target,
-    TimeEffect, TimeEffectKind,
+    AxisCalibration, AxisCorrection, Collinearity, CorrectionNoise, FitDiagnostics, Hysteresis, LogUnit, PriorUse,
+    Residual, RunOffset, Target, TimeEffect, TimeEffectKind,
 };
 use crate::diagnostics::{Point, hysteresis_of, points, run_spans};
 use crate::fit::one_model::effects::Parts;
@@ -11,7 +11,7 @@ use crate::fit::one_model::residual_noise::ResidualNoise;
 use crate::fit::one_model::solution::Fitted;
 use crate::fit::one_model::warm_up::estimate;
 use crate::fit::options::{FitOptions, Model};
-use crate::fit::prior::with_prior::fit_with_prior;
+use crate::fit::prior::with_prior::{WithPrior, fit_with_prior};
 use crate::fit::problem::axis::Axis;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::levels::Level;
@@ -23,12 +23,14 @@ use crate::fit::selection::auto::auto;
 use crate::fit::selection::given::given;
 use crate::fit::selection::held_by_image::ImageCheck;
 use crate::fit::selection::prices::CONDITION_MAX;
+use crate::fit::selection::selected::Selected;
 use crate::fit::uncertainty::beside_curve::beside_curve;
 use crate::fit::uncertainty::entanglement::entangled;
 use crate::fit::uncertainty::soak::{Extension, soak};
 use crate::image::Holder;
 use crate::model::input::Signal;
 use crate::noise_model::estimate::Estimate;
+use crate::noise_model::processes::SlowNoise;
 use crate::noise_model::stated::{noise_floor_of, stated_noise};
 use crate::rate_table::input::RateTableInput;
 use crate::window::Windows;
@@ -82,96 +84,113 @@ pub(crate) fn fit_axis(
     let noise_floor = noise_floor_of(windows, axis, &stages.test);
     let raw_n = noise_floor.as_ref().map(|floor| floor.n_deg_rt_h);
     let stated = stated_noise(windows, axis, &stages.test);
-    let (selected, fitted, noise, correction_noise, prior) = match (&options.prior, &options.model) {
-        (Some(prior), _) => {
-            let selected = given(&axis_of, main, &prior.model, image)?;
-            let with = fit_with_prior(&selected.problem, &selected.spec, prior, stated)?;
-            let correction_noise = selected.check(&with.fitted, raw_n)?;
-            (
-                selected,
-                with.fitted,
-                ResidualNoise::known(with.noise, with.white_variance),
-                correction_noise,
-                Some(with.used),
-            )
-        }
-        (None, model) => {
-            let mut selected = match model {
-                Model::Fixed(spec) => given(&axis_of, main, spec, image)?,
-                Model::Auto => auto(&axis_of, main, image)?,
-            };
-            let (fitted, correction_noise) = selected.settle(raw_n)?;
-            let noise = ResidualNoise::of(&selected.problem, &fitted, stated);
-            let fitted = noise.beneath(&selected.problem, fitted);
-            (selected, fitted, noise, correction_noise, None)
-        }
-    };
+    let one = one_fit(&axis_of, main, image, &options.model, raw_n, stated)?;
+    let OneFit { selected, fitted, noise, .. } = &one;
     let problem = &selected.problem;
     let Estimate { best, mixed } = noise.estimate;
-    let white_variance = |slow| noise.white_variance(problem, &fitted, slow);
-    let parts = Parts::new(&fitted, problem);
-    let inputs = recorded_inputs(&fitted, Some(&parts), problem, windows, &stages.model, sensor);
-    let terms = terms(&fitted, problem, &inputs);
+    let white_variance = |slow| noise.white_variance(problem, fitted, slow);
+    let parts = Parts::new(fitted, problem);
+    let inputs = recorded_inputs(fitted, Some(&parts), problem, windows, &stages.model, sensor);
+    let terms = terms(fitted, problem, &inputs);
     check_scale(&terms, letter)?;
-    let drawn = Drawn::of(&fitted, problem, &parts);
-    let warm_up = corrects_warm_up.then(|| estimate(problem, &fitted, mixed, white_variance(mixed))).flatten();
-    let (monomial, zones) = monomials(&fitted, problem, &windows.shape, reference_c);
+    let drawn = Drawn::of(fitted, problem, &parts);
+    let warm_up = corrects_warm_up.then(|| estimate(problem, fitted, mixed, white_variance(mixed))).flatten();
+    let (monomial, zones) = monomials(fitted, problem, &windows.shape, reference_c);
     let diagnostics = FitDiagnostics {
-        residual: residual(&fitted),
+        residual: residual(fitted),
         noise_floor,
         cross_validation: selected.cross_validation(),
         collinearity: fitted
             .conditioning
             .as_ref()
             .map(|found| Collinearity { condition: found.condition, limit: CONDITION_MAX }),
-        correction_noise: (!fitted.terms.is_empty()).then_some(correction_noise),
+        correction_noise: (!fitted.terms.is_empty()).then(|| one.correction_noise.clone()),
         hysteresis: None,
         ramp_rates_cpm: None,
         curve_spread: None,
         lack_of_fit: None,
         slow_noise: best.terms(white_variance(best).sqrt()),
         noise_exceeds_setup: noise.exceeds_setup,
-        time_effects: time_effects(&fitted, problem, corrects_warm_up),
+        time_effects: time_effects(fitted, problem, corrects_warm_up),
         entanglement: Vec::new(),
-        prior,
+        prior: one.prior.clone(),
         hidden_in_offsets_dph: None,
         soak: None,
-        scale_factor: scale_factor(&fitted, problem, axis, noise.stated),
-        misalignment: misalignment(&fitted, problem),
+        scale_factor: scale_factor(fitted, problem, axis, noise.stated),
+        misalignment: misalignment(fitted, problem),
         candidates: selected.candidates(),
         model_search: selected.log.path.clone(),
         rejected_inputs: selected.log.aside.clone(),
         rejected_models: selected.log.not_held.clone(),
         excluded: windows.tallies.list(),
         covariance: fitted.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
-        covariance_of: covariance_of(&fitted, problem),
+        covariance_of: covariance_of(fitted, problem),
     };
-    let mut record = AxisCalibration {
+    let record = AxisCalibration {
         axis: letter,
         correction: AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up },
-        run_offsets: run_offsets(&fitted, problem, stages.test.input_rate_of(letter, windows.shape.axes.len())),
+        run_offsets: run_offsets(fitted, problem, stages.test.input_rate_of(letter, windows.shape.axes.len())),
         monomial,
         zones,
         fit: Some(diagnostics),
     };
-    if options.prior.is_some() {
-        return Ok((record, drawn));
-    }
-    // What other models, more soaking and what moved together make of the curve: of the test alone.
-    let forecast = Extension::new(problem, &fitted, best).and_then(|extension| soak(&record, &extension));
+    // A prior's uncertainty is in its covariance.
+    let record = if options.prior.is_some() { record } else { with_uncertainty(record, &one, sensor) };
+    Ok((record, drawn))
+}
+
+/// With what other models, more soaking and what moved together make of the curve: of the test alone.
+fn with_uncertainty(record: AxisCalibration, one: &OneFit<'_>, sensor: usize) -> AxisCalibration {
+    let OneFit { selected, fitted, noise, .. } = one;
+    let (problem, slow, reference_c) = (&selected.problem, noise.estimate.best, record.reference_c());
     let curve = |celsius: f64| {
         let variance = record.variance_of(&record.drift_weights(celsius, reference_c));
         (record.drift(celsius, reference_c), variance)
     };
-    let (spread, lack_of_fit) = beside_curve(&selected, &fitted, best, curve);
+    let soak = Extension::new(problem, fitted, slow).and_then(|extension| soak(&record, &extension));
+    let (curve_spread, lack_of_fit) = beside_curve(selected, fitted, slow, curve);
+    let windows = problem.windows();
     let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
-    let entanglement = entangled(problem, (best, white_variance(best)), &fitted, &profile);
-    if let Some(fit) = &mut record.fit {
-        fit.soak = forecast;
-        (fit.curve_spread, fit.lack_of_fit) = (spread, lack_of_fit);
-        fit.entanglement = entanglement;
+    let white = noise.white_variance(problem, fitted, slow);
+    let entanglement = entangled(problem, (slow, white), fitted, &profile);
+    let fit = record.fit.clone().map(|fit| FitDiagnostics { soak, curve_spread, lack_of_fit, entanglement, ..fit });
+    AxisCalibration { fit, ..record }
+}
+
+/// A model on its axis, fitted.
+struct OneFit<'a> {
+    selected: Selected<'a>,
+    fitted: Fitted,
+    noise: ResidualNoise,
+    correction_noise: CorrectionNoise,
+    prior: Option<PriorUse>,
+}
+
+/// Selects a model and fits it: with the prior of the axis, else the given one or the best.
+fn one_fit<'a>(
+    axis: &Axis<'a>,
+    main: Signal,
+    image: ImageCheck<'a>,
+    model: &Model,
+    raw_n_deg_rt_h: Option<f64>,
+    stated: Option<(SlowNoise, f64)>,
+) -> Result<OneFit<'a>> {
+    if let Some(prior) = axis.prior {
+        let selected = given(axis, main, &prior.model, image)?;
+        let WithPrior { fitted, noise, white_variance, used } =
+            fit_with_prior(&selected.problem, &selected.spec, prior, stated)?;
+        let correction_noise = selected.check(&fitted, raw_n_deg_rt_h)?;
+        let noise = ResidualNoise::known(noise, white_variance);
+        return Ok(OneFit { selected, fitted, noise, correction_noise, prior: Some(used) });
     }
-    Ok((record, drawn))
+    let mut selected = match model {
+        Model::Fixed(spec) => given(axis, main, spec, image)?,
+        Model::Auto => auto(axis, main, image)?,
+    };
+    let (fitted, correction_noise) = selected.settle(raw_n_deg_rt_h)?;
+    let noise = ResidualNoise::of(&selected.problem, &fitted, stated);
+    let fitted = noise.beneath(&selected.problem, fitted);
+    Ok(OneFit { selected, fitted, noise, correction_noise, prior: None })
 }
 
 /// σ of some values about their mean.
