@@ -16,8 +16,8 @@ use xtask::shell::root;
 
 use crate::made::Made;
 use crate::makes::{
-    chamber, circle, errors, faults, first_bytes, glossary, image, manual, pages, requirements, scenario_keys, schema,
-    vectors,
+    chamber, circle, errors, faults, first_bytes, glossary, image, limits, manual, pages, requirements, scenario_keys,
+    schema, vectors,
 };
 use crate::program::Program;
 
@@ -30,11 +30,12 @@ enum Make {
 }
 
 /// All generated files. Those of the libraries come first: the program reads some.
-const FILES: [(&str, Make); 13] = [
+const FILES: [(&str, Make); 14] = [
     ("testdata", Make::Here(chamber::make)),
     ("image", Make::Here(image::make)),
     ("vectors", Make::Here(vectors::make)),
     ("schema", Make::Here(schema::make)),
+    ("limits", Make::Here(limits::make)),
     ("glossary", Make::Here(glossary::make)),
     ("scenario", Make::Here(scenario_keys::make)),
     ("first-bytes", Make::Here(first_bytes::make)),

@@ -17,6 +17,7 @@ pub(crate) const FLEET_TABLE: &str = "docs/reference/fleet-table.md";
 pub(crate) const GLOSSARY: &str = "GLOSSARY.md";
 pub(crate) const GLOSSARY_PAGE: &str = "docs/reference/glossary.md";
 pub(crate) const IMAGE_FORMAT: &str = "docs/reference/image-format.md";
+pub(crate) const LIMITS: &str = "docs/reference/limits.md";
 pub(crate) const MANUAL: &str = "docs/reference/cli.md";
 pub(crate) const OTHER_TOOLS: &str = "docs/how-to/other-tools.md";
 pub(crate) const PAPER_IMAGE: &str = "testdata/image/paper.img";

@@ -8,6 +8,7 @@ mod fields;
 pub(crate) mod first_bytes;
 pub(crate) mod glossary;
 pub(crate) mod image;
+pub(crate) mod limits;
 pub(crate) mod making;
 pub(crate) mod manual;
 pub(crate) mod pages;

@@ -24,9 +24,11 @@ use crate::verify::{Estimate, LimitSpec, Limits, TurnOns, Verdict};
 pub struct ComparedLimit {
     /// Key in the limits file.
     pub key: &'static str,
-    /// The figure in words.
+    /// The value in words.
     pub label: &'static str,
-    figure: fn(&Compared<'_>) -> Found,
+    /// Where it comes from.
+    pub from: &'static str,
+    value: fn(&Compared<'_>) -> Found,
 }
 
 /// Every limit that a comparison asks, in the order of the limits' own table.
@@ -34,7 +36,8 @@ pub const COMPARED: [ComparedLimit; 9] = [
     ComparedLimit {
         key: "span_covered_min",
         label: "temperatures that all records have, as a fraction of those that any has",
-        figure: |all| {
+        from: "the spans of the records: what changed outside their common span is not seen",
+        value: |all| {
             let unknown = || Found::Unknown("no record has a span of temperature".to_owned());
             all.span_covered().map_or_else(unknown, Found::Bound)
         },
@@ -42,48 +45,56 @@ pub const COMPARED: [ComparedLimit; 9] = [
     ComparedLimit {
         key: "drift_dph_per_c_max",
         label: "slope over temperature of the difference of two curves",
-        figure: |all| all.pairs(|a, b| all.slope(a, b)),
+        from: "12 temperatures that all records span",
+        value: |all| all.pairs(|a, b| all.slope(a, b)),
     },
     ComparedLimit {
         key: "drift_dph_per_cpm_max",
         label: "difference of two rate effects at T0",
-        figure: |all| all.of_rates(),
+        from: "records with rate terms; not asked where none has any",
+        value: |all| all.of_rates(),
     },
     ComparedLimit {
         key: "temperature_residual_dph_max",
         label: "rms over temperature of the difference of two curves about its mean, less what noise makes of it",
-        figure: |all| all.pairs(|a, b| all.change_of_curve(a, b)),
+        from: "the same 12 temperatures, with the covariance of both fits and what selecting the models adds",
+        value: |all| all.pairs(|a, b| all.change_of_curve(a, b)),
     },
     ComparedLimit {
         key: "bias_repeatability_dph_max",
         label: "difference of the mean fixed biases of two records at T0",
-        figure: |all| all.of_bias(|biases| Found::Pairs(pairs_of(biases, |a, b| Ok(difference(a.mean, b.mean))))),
+        from: "run offsets less the input rate; not asked where a record does not know it",
+        value: |all| all.of_bias(|biases| Found::Pairs(pairs_of(biases, |a, b| Ok(difference(a.mean, b.mean))))),
     },
     ComparedLimit {
         key: "turn_on_sigma_dph_max",
         label: "one-sided 95 % bound of the σ from turn-on to turn-on over the runs of all records",
-        figure: |all| all.of_bias(turn_ons),
+        from: "two runs or more",
+        value: |all| all.of_bias(turn_ons),
     },
     ComparedLimit {
         key: "fixed_bias_dph_max",
         label: "largest fixed bias of a run",
-        figure: |all| all.of_bias(|biases| largest(biases.iter().flat_map(|record| &record.runs).copied())),
+        from: "the same",
+        value: |all| all.of_bias(|biases| largest(biases.iter().flat_map(|record| &record.runs).copied())),
     },
     ComparedLimit {
         key: "scale_factor_repeatability_ppm_max",
         label: "difference of two scale factors at the temperature where it is worst",
-        figure: |all| all.of_scale(|| all.pairs(|a, b| all.change_of_scale(a, b))),
+        from: "records from a rate table; not asked of others",
+        value: |all| all.of_scale(|| all.pairs(|a, b| all.change_of_scale(a, b))),
     },
     ComparedLimit {
         key: "scale_factor_ppm_max",
         label: "largest deviation of a scale factor from its nominal value at T0",
-        figure: |all| {
+        from: "the same",
+        value: |all| {
             all.of_scale(|| largest(all.axes.iter().map(|axis| estimate(axis.scale_deviation(all.reference_c)))))
         },
     },
 ];
 
-/// A figure of a comparison.
+/// A value of a comparison.
 enum Found {
     NotAsked(String),
     Unknown(String),
@@ -120,7 +131,7 @@ impl Compared<'_> {
                 return spec.not_asked(limit, "needs a retest: `sagnac verify`".to_owned());
             };
             let held = |found: &Estimate| spec.hold(limit, (found.value.abs(), Some(found.sigma)), rule, self.hours);
-            match (asked.figure)(self) {
+            match (asked.value)(self) {
                 Found::NotAsked(why) => spec.not_asked(limit, why),
                 Found::Unknown(why) => spec.unknown(limit, why),
                 Found::One(found) => held(&found),

@@ -19,7 +19,6 @@ mod limits;
 pub use changes::Change;
 pub use limits::{COMPARED, ComparedLimit};
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{AxisCalibration, Calibration, Lag, Term};
@@ -39,7 +38,7 @@ const TEMPERATURES: usize = 12;
 const NEAR_REFERENCE: f64 = 0.02;
 
 /// A curve of every record at the common temperatures.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct ComparedCurve {
     /// `bias`, °/h, or `scale`, ppm.
@@ -171,7 +170,7 @@ impl ComparedCurve {
 }
 
 /// Where records disagree most.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Worst {
     /// Record, from 0.
@@ -183,7 +182,7 @@ pub struct Worst {
 }
 
 /// A number that every record has.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct ComparedNumber {
     /// What it is.
@@ -197,7 +196,7 @@ pub struct ComparedNumber {
 }
 
 /// One axis.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct ComparedAxis {
     /// Axis letter.
@@ -215,7 +214,7 @@ pub struct ComparedAxis {
 }
 
 /// The result of `sagnac compare`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Comparison {
     /// Serial number that all share.

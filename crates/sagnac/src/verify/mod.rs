@@ -1,4 +1,4 @@
-//! The proof: a retest log through the decoded image, before beside after.
+//! The proof: a retest log through the decoded image, before next to after.
 //!
 //! ```text
 //! retest ─▶ Replay (sagnac-core at the true tick) ─▶ windows of raw and corrected counts ─▶ Figures
@@ -17,8 +17,8 @@ pub use flight::position::{Corner, Flight, FlightAxis, Gyrocompass, HeadingError
 pub use flight::strapdown::{Channel, Strapdown, noise_m, positions_m};
 pub use limits::file::SETS;
 pub use limits::judge::Proof;
-pub use limits::stated::{Limits, LimitsSource};
-pub use limits::table::{Applies, Bound, LimitSpec, SPECS};
+pub use limits::source::LimitsSource;
+pub use limits::table::{Applies, Bound, LimitSpec, Limits, SPECS};
 pub use limits::unanswered::{Unanswered, unanswered};
 pub use limits::verdict::{DecisionRule, Judged, Verdict};
 pub use replay::column_of_input::{LogColumn, Readings};
@@ -37,8 +37,7 @@ pub use values::suspects::Suspect;
 
 use crate::calibration::{LogFile, log_files, program};
 use crate::verify::replay::paired::PairedWindows;
-use crate::verify::values::of_axis::{Against, unit_of};
-use crate::verify::values::suspects::suspects;
+use crate::verify::values::of_axis::{Against, Retest, unit_of};
 use sagnac_log::error::Result;
 use sagnac_log::ingest::{LogReader, Logs, hex, share_rows};
 use sagnac_log::setup::{PerAxis, Setup};
@@ -68,12 +67,12 @@ pub fn verify<'a>(
     let kept = options.excludes().then(|| whole.excluding(options, setup.discard_initial_s));
     let pair = kept.as_ref().unwrap_or(&whole);
     let against = Against { correction, test: &test, sensor };
-    let (mut axes, report_data) = against.figures(pair)?;
-    let every_row = kept.as_ref().map(|_| against.figures(&whole)).transpose()?;
-    for (axis, figures) in axes.iter_mut().enumerate() {
-        figures.excluded_fraction = kept.as_ref().map(|kept| kept.excluded_fraction(&whole));
-        figures.suspects = suspects(&whole.raw, axis);
-    }
+    let (axes, report_data) = against.figures(&Retest {
+        excluded_fraction: kept.as_ref().map(|kept| kept.excluded_fraction(&whole)),
+        suspects_in: Some(&whole.raw),
+        ..Retest::all(pair)
+    })?;
+    let every_row = kept.as_ref().map(|_| against.figures(&Retest::all(&whole))).transpose()?;
     let windows = &pair.raw;
     let verification = Verification {
         program: program(),
@@ -97,12 +96,13 @@ pub fn verify<'a>(
     // A run too short for figures of its own is judged with the others.
     let one = |run: usize| {
         let alone = pair.of_run(run);
-        let (mut axes, _) = against.figures(&alone).ok()?;
-        let excluded = kept.as_ref().map(|_| alone.excluded_fraction(&whole.of_run(run)));
-        for axis in &mut axes {
-            (axis.excluded_fraction, axis.missing_fraction) = (excluded, pair.missing_fraction(Some(run)));
-        }
-        Some((pair.raw.runs[run].name(), axes))
+        let of_run = Retest {
+            pair: &alone,
+            missing_fraction: pair.missing_fraction(Some(run)),
+            excluded_fraction: kept.as_ref().map(|_| alone.excluded_fraction(&whole.of_run(run))),
+            suspects_in: None,
+        };
+        Some((pair.raw.runs[run].name(), against.figures(&of_run).ok()?.0))
     };
     let each_run = (0..runs).filter_map(one).collect();
     let record_window_s = correction.calibration.as_ref().map(|record| record.window_s);

@@ -3,12 +3,11 @@
 use std::collections::BTreeMap;
 
 use sagnac_core::Image;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{LogFile, PpmEstimate};
 use crate::verify::flight::position::PositionError;
-use crate::verify::limits::stated::LimitsSource;
+use crate::verify::limits::source::LimitsSource;
 use crate::verify::limits::verdict::Verdict;
 use crate::verify::values::before_after::Figures;
 use crate::verify::values::diagnostics::ResidualDiagnostics;
@@ -21,7 +20,7 @@ use sagnac_log::ingest::Tally;
 use sagnac_units::format::celsius;
 
 /// The floor of a retest's windows.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct RetestNoiseFloor {
@@ -38,7 +37,7 @@ pub struct RetestNoiseFloor {
 }
 
 /// How much of the temperatures of the fit a retest saw.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Coverage {
@@ -88,7 +87,7 @@ pub const REPEATED_PROFILE: &str = "temperature moves with its rate or with time
                                     them: this test proves nothing for other profiles";
 
 /// One axis of a verification.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct AxisVerification {
@@ -159,7 +158,7 @@ pub struct AxisVerification {
 }
 
 /// The result of `sagnac verify`.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Verification {

@@ -11,7 +11,6 @@
 //! peak, and never of noise: what angle random walk makes is reported beside it.
 
 use nalgebra::{DMatrix, DVector};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::Point;
@@ -44,7 +43,7 @@ const SLACK_CPM: f64 = 0.05;
 const SLACK_C: f64 = 0.5;
 
 /// Which gyro of the navigator it is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FlightAxis {
     /// Its axis lies level: Schuler's pendulum.
@@ -55,7 +54,7 @@ pub enum FlightAxis {
 }
 
 /// A corner of the temperature profile.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Corner {
     /// Since take-off, min.
@@ -65,7 +64,7 @@ pub struct Corner {
 }
 
 /// A stated flight.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Flight {
     /// Which gyro of the navigator it is.
@@ -82,7 +81,7 @@ pub struct Flight {
 }
 
 /// An alignment by gyrocompassing.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gyrocompass {
     /// Geodetic latitude of the alignment, degrees.
@@ -90,7 +89,7 @@ pub struct Gyrocompass {
 }
 
 /// The heading error of a gyrocompass alignment and its distance.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct HeadingError {
@@ -101,7 +100,7 @@ pub struct HeadingError {
 }
 
 /// What a flight comes to.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct PositionError {

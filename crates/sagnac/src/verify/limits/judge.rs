@@ -1,4 +1,4 @@
-//! A verification held against limits: all runs together, each run alone, and what was excluded on request beside.
+//! A verification judged by limits: all runs together, each run alone, and what was excluded on request next to it.
 //!
 //! ```text
 //! figures of all runs ─▶ verdicts ◀─ the worse of each run alone (limits of the form *at most*)
@@ -37,27 +37,21 @@ impl Proof {
     ///
     /// # Errors
     /// [`sagnac_log::ErrorKind::Refused`] where none of the limits applies to such a retest.
-    pub fn limits(mut self, limits: &Limits) -> Result<Self> {
+    pub fn limits(self, limits: &Limits) -> Result<Self> {
         self.check_window()?;
-        for (axis, drawn) in self.verification.axes.iter_mut().zip(&self.report_data.axes) {
-            axis.judge(limits, &drawn.points)?;
-        }
-        for (name, axes) in &self.each_run {
-            for (run, axis) in axes.iter().zip(&mut self.verification.axes) {
-                axis.take_worse(name, limits.judge_run(run));
-            }
-        }
-        if let Some((axes, report_data)) = &mut self.every_row {
-            for ((whole, drawn), axis) in axes.iter_mut().zip(&report_data.axes).zip(&mut self.verification.axes) {
-                whole.judge(limits, &drawn.points)?;
-                for verdict in &mut axis.limits {
-                    let same = whole.limits.iter().find(|other| other.name == verdict.name);
-                    verdict.value_of_every_row = same.and_then(|other| other.value);
-                }
-            }
-        }
-        self.verification.limits = Some(limits.source.clone());
-        Ok(self)
+        let all = judged(self.verification.axes, &self.report_data, limits)?;
+        let every_row = match self.every_row {
+            Some((axes, drawn)) => Some((judged(axes, &drawn, limits)?, drawn)),
+            None => None,
+        };
+        let at_worst = |(at, axis): (usize, AxisVerification)| {
+            let runs = self.each_run.iter().map(|(name, axes)| (name.as_str(), limits.judge_run(&axes[at])));
+            let whole = every_row.as_ref().map(|(axes, _)| &axes[at]);
+            axis.with_runs(runs).with_every_row(whole)
+        };
+        let axes = all.into_iter().enumerate().map(at_worst).collect();
+        let verification = Verification { axes, limits: Some(limits.source.clone()), ..self.verification };
+        Ok(Self { verification, every_row, ..self })
     }
 
     /// False when a limit is not met, or where limits were applied to a log that the fit has seen.
@@ -79,47 +73,66 @@ impl Proof {
     }
 }
 
+/// Axes judged by limits, each with its own points.
+fn judged(axes: Vec<AxisVerification>, drawn: &ReportData, limits: &Limits) -> Result<Vec<AxisVerification>> {
+    axes.into_iter().zip(&drawn.axes).map(|(axis, drawn)| axis.judged(limits, &drawn.points)).collect()
+}
+
 impl AxisVerification {
-    /// Verdicts of a run alone, where they are worse than those of all together.
-    fn take_worse(&mut self, run: &str, of_run: Vec<Verdict>) {
-        for verdict in of_run {
+    /// Verdicts of a run alone in the place of those of all runs together, where they are worse.
+    fn with_runs<'a>(self, runs: impl Iterator<Item = (&'a str, Vec<Verdict>)>) -> Self {
+        let mut limits = self.limits;
+        for (run, verdict) in runs.flat_map(|(run, verdicts)| verdicts.into_iter().map(move |verdict| (run, verdict))) {
             let is_worse = |all: &&mut Verdict| all.name == verdict.name && verdict.is_worse_than(all);
-            if let Some(all) = self.limits.iter_mut().find(is_worse) {
+            if let Some(all) = limits.iter_mut().find(is_worse) {
                 *all = Verdict { run: Some(file_name(run)), ..verdict };
             }
         }
-        if self.pass.is_some() {
-            self.pass = Some(self.limits.iter().all(|verdict| verdict.pass != Some(false)));
-        }
+        let pass = self.pass.map(|_| all_met(&limits));
+        Self { limits, pass, ..self }
+    }
+
+    /// Next to each value that of every row, where some were excluded on request.
+    fn with_every_row(self, whole: Option<&Self>) -> Self {
+        let Some(whole) = whole else { return self };
+        let value_of = |name: &str| whole.limits.iter().find(|other| other.name == name)?.value;
+        let beside = |verdict: Verdict| Verdict { value_of_every_row: value_of(&verdict.name), ..verdict };
+        Self { limits: self.limits.into_iter().map(beside).collect(), ..self }
     }
 
     /// The bias against the calibration, where that of every run is known; else why not.
     pub(crate) fn bias_of_every_run(&self) -> std::result::Result<&BiasRepeatability, &str> {
         match &self.bias_repeatability {
-            Some(found) if found.unknown.is_none() => Ok(found),
+            Some(bias) if bias.unknown.is_none() => Ok(bias),
             Some(_) => Err(RUN_WITHOUT_BIAS),
             None => Err(self.bias_repeatability_unavailable.as_deref().unwrap_or_default()),
         }
     }
 
-    fn judge(&mut self, limits: &Limits, points: &[Point]) -> Result<()> {
-        if let Some(flight) = &limits.flight {
-            let n = self.residual.random_walk.map(|walk| walk.after_deg_rt_h);
-            match flight.fly(points, n, self.bias_of_every_run()) {
-                Ok(flown) => self.flight = Some(flown),
-                Err(why) => self.flight_unavailable = Some(why),
-            }
-        }
-        self.limits = limits.judge(self);
-        if limits.asks() && self.limits.iter().all(|verdict| verdict.pass.is_none()) {
-            let mut reasons: Vec<&str> = self.limits.iter().filter_map(|verdict| verdict.why.as_deref()).collect();
+    fn judged(self, limits: &Limits, points: &[Point]) -> Result<Self> {
+        let n = self.residual.random_walk.map(|walk| walk.after_deg_rt_h);
+        let flown = limits.flight.as_ref().map(|flight| flight.fly(points, n, self.bias_of_every_run()));
+        let (flight, flight_unavailable) = match flown {
+            Some(Ok(flight)) => (Some(flight), None),
+            Some(Err(why)) => (None, Some(why)),
+            None => (None, None),
+        };
+        let axis = Self { flight, flight_unavailable, ..self };
+        let verdicts = limits.judge(&axis);
+        if limits.asks() && verdicts.iter().all(|verdict| verdict.pass.is_none()) {
+            let mut reasons: Vec<&str> = verdicts.iter().filter_map(|verdict| verdict.why.as_deref()).collect();
             reasons.sort_unstable();
             reasons.dedup();
             let what =
-                format!("none of the limits can be asked of axis {} of this retest: {}", self.axis, reasons.join("; "));
+                format!("none of the limits can be asked of axis {} of this retest: {}", axis.axis, reasons.join("; "));
             return Err(Error::refused(what).help("docs/reference/limits.md says which limits ask for which test"));
         }
-        self.pass = limits.asks().then(|| self.limits.iter().all(|verdict| verdict.pass != Some(false)));
-        Ok(())
+        let pass = limits.asks().then(|| all_met(&verdicts));
+        Ok(Self { limits: verdicts, pass, ..axis })
     }
+}
+
+/// No verdict that was asked is other than met.
+fn all_met(verdicts: &[Verdict]) -> bool {
+    verdicts.iter().all(|verdict| verdict.pass != Some(false))
 }

@@ -2,7 +2,7 @@
 
 pub(crate) mod file;
 pub(crate) mod judge;
-pub(crate) mod stated;
+pub(crate) mod source;
 pub(crate) mod table;
 pub(crate) mod unanswered;
 pub(crate) mod verdict;

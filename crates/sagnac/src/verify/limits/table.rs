@@ -1,9 +1,12 @@
-//! Every limit in one table: key, bound, unit, the retests that it applies to, and the figure of it.
+//! Every limit in one table: key, bound, unit, the retests that it applies to, its words and its value.
 //!
-//! File, judgement, report and reference are made from [`SPECS`].
+//! The keys of a file ([`Limits`]), judgement, report and the reference page are made from its rows. A new limit is one row.
+
+use serde::{Deserialize, Serialize};
 
 use crate::calibration::PpmEstimate;
-use crate::verify::limits::stated::Limits;
+use crate::verify::flight::position::Flight;
+use crate::verify::limits::source::LimitsSource;
 use crate::verify::limits::verdict::{Decided, DecisionRule, Verdict};
 use crate::verify::values::rate_table::{MOST_UNVISITED, worst_known};
 use crate::verify::values::repeatability::RUN_WITHOUT_BIAS;
@@ -12,9 +15,9 @@ use crate::verify::{AxisVerification, BiasRepeatability, Estimate, PlateauProof,
 /// Which side of a limit is met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Bound {
-    /// The figure is at most the limit.
+    /// The value is at most the limit.
     Most,
-    /// The figure is at least the limit.
+    /// The value is at least the limit.
     Least,
 }
 
@@ -39,7 +42,31 @@ pub enum Applies {
     SoaksAndRamps,
 }
 
+impl Bound {
+    /// `at most` or `at least`.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Most => "at most",
+            Self::Least => "at least",
+        }
+    }
+}
+
 impl Applies {
+    /// The retests in the words of the reference page.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Always => "every",
+            Self::Turned => "on a rate table",
+            Self::AtRest => "at rest",
+            Self::KnownInput => "whose input rate is known",
+            Self::BothTurned => "on a rate table, as the calibration",
+            Self::Excluding => "with `--exclude`",
+            Self::WithRate => "with rate terms",
+            Self::SoaksAndRamps => "with soaks and ramps",
+        }
+    }
+
     /// Why a retest is not asked; `None` where it is.
     fn not_asked(self, axis: &AxisVerification) -> Option<String> {
         let unless = |holds: bool, why: &str| (!holds).then(|| why.to_owned());
@@ -62,8 +89,8 @@ impl Applies {
     }
 }
 
-/// A figure with its standard error where it has one.
-type Figure = Option<(f64, Option<f64>)>;
+/// A value with its standard error, where it has one.
+type Value = Option<(f64, Option<f64>)>;
 
 /// Everything about one limit: file, judgement, report and documentation are made from these.
 #[derive(Clone, Copy)]
@@ -77,12 +104,14 @@ pub struct LimitSpec {
     pub unit: &'static str,
     /// Which retests it applies to.
     pub applies: Applies,
-    /// The figure in words.
+    /// The value in words.
     pub label: &'static str,
-    /// It is a fraction of a whole: 0 to 1.
-    pub(crate) is_fraction: bool,
-    pub(crate) of: fn(&Limits) -> Option<f64>,
-    figure: fn(&AxisVerification) -> Figure,
+    /// The same, exactly.
+    pub exactly: &'static str,
+    /// The largest limit that a file may state.
+    pub(crate) largest: f64,
+    pub(crate) stated: fn(&Limits) -> Option<f64>,
+    value: fn(&AxisVerification) -> Value,
     unknown: &'static str,
 }
 
@@ -96,8 +125,8 @@ impl LimitSpec {
         if let Some(why) = self.applies.not_asked(axis) {
             return self.not_asked(limit, why);
         }
-        match (self.figure)(axis).filter(|(value, _)| value.is_finite()) {
-            Some(figure) => self.hold(limit, figure, rule, axis.hours),
+        match (self.value)(axis).filter(|(value, _)| value.is_finite()) {
+            Some(value) => self.hold(limit, value, rule, axis.hours),
             None => self.unknown(limit, self.why(axis)),
         }
     }
@@ -118,12 +147,12 @@ impl LimitSpec {
         }
     }
 
-    /// The figure is not known, and why: the limit is not met.
+    /// The value is not known, and why: the limit is not met.
     pub(crate) fn unknown(&self, limit: f64, why: String) -> Verdict {
         Verdict { pass: Some(false), ..self.not_asked(limit, why) }
     }
 
-    /// The figure held against the limit, with the hours behind it.
+    /// The value judged by the limit, with the hours behind it.
     pub(crate) fn hold(
         &self,
         limit: f64,
@@ -148,7 +177,7 @@ impl LimitSpec {
         }
     }
 
-    /// Why the figure is not known.
+    /// Why the value is not known.
     fn why(&self, axis: &AxisVerification) -> String {
         let lone = axis.residual.plateaus.is_some() && self.key == PLATEAU_OFFSET;
         let flown = axis.flight_unavailable.as_deref().filter(|_| self.key == POSITION_ERROR);
@@ -176,22 +205,22 @@ const NO_FLOOR: &str =
 const NO_NOISE: &str = "the rows do not show their noise: a window needs eight of them or more (a longer --window)";
 
 /// The value alone, without a standard error.
-fn plain(value: Option<f64>) -> Figure {
+fn plain(value: Option<f64>) -> Value {
     value.map(|value| (value, None))
 }
 
 /// A value whose standard error is a part of it.
-fn relative(value: Option<f64>, part: f64) -> Figure {
+fn relative(value: Option<f64>, part: f64) -> Value {
     value.map(|value| (value, Some(value * part)))
 }
 
 /// The size of a value in ppm.
-fn size_ppm(estimate: Option<PpmEstimate>) -> Figure {
+fn size_ppm(estimate: Option<PpmEstimate>) -> Value {
     estimate.map(|estimate| (estimate.ppm.abs(), Some(estimate.sigma_ppm)))
 }
 
 /// The largest of some of the plateaus' estimates.
-fn largest_ppm(axis: &AxisVerification, of: fn(&PlateauProof) -> Option<PpmEstimate>) -> Figure {
+fn largest_ppm(axis: &AxisVerification, of: fn(&PlateauProof) -> Option<PpmEstimate>) -> Value {
     size_ppm(worst_known(scale_of(axis).into_iter().flat_map(|scale| &scale.plateaus).filter_map(of)))
 }
 
@@ -211,365 +240,165 @@ fn scale_of(axis: &AxisVerification) -> Option<&ScaleProof> {
 }
 
 /// The size of an estimate with its standard error.
-fn size(estimate: Option<Estimate>) -> Figure {
+fn size(estimate: Option<Estimate>) -> Value {
     estimate.map(|estimate| (estimate.value.abs(), Some(estimate.sigma)))
 }
 
-/// One row of the table below.
-macro_rules! limit {
-    ($key:ident, $bound:ident, $unit:literal, $applies:ident, $label:literal, $fraction:literal, $figure:expr, $unknown:expr) => {
-        LimitSpec {
+/// What a file may state at most: any number, or a part of a whole.
+const ANY: f64 = f64::INFINITY;
+const WHOLE: f64 = 1.0;
+
+/// [`Limits`] and [`SPECS`] from one row per limit: the words of the reference, then key, words of a report, bound, largest number
+/// that a file may state, unit, retests, value, and what is said where there is none.
+macro_rules! limits {
+    ($(
+        #[doc = $exactly:literal]
+        $key:ident: $label:literal, $bound:ident, $to:ident, $unit:literal, $applies:ident, $value:expr, $unknown:expr;
+    )*) => {
+        /// Limits of a verification. A row of the reference page says each value exactly.
+        #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+        #[serde(deny_unknown_fields, default)]
+        #[non_exhaustive]
+        pub struct Limits {
+            /// Set whose limits hold where this file gives none: `navigation-grade` or `paper`.
+            pub base: Option<String>,
+            /// How a value with an uncertainty is compared with a limit; `simple` by default.
+            pub decision: Option<DecisionRule>,
+            /// Where they come from.
+            #[serde(skip)]
+            pub source: LimitsSource,
+            $(#[doc = $exactly] pub $key: Option<f64>,)*
+            /// A flight, whose position error is then stated.
+            pub flight: Option<Flight>,
+        }
+
+        /// Every limit, in the order of reports.
+        pub const SPECS: &[LimitSpec] = &[$(LimitSpec {
             key: stringify!($key),
             bound: Bound::$bound,
             unit: $unit,
             applies: Applies::$applies,
             label: $label,
-            is_fraction: $fraction,
-            of: |limits| limits.$key,
-            figure: $figure,
+            exactly: $exactly,
+            largest: $to,
+            stated: |limits| limits.$key,
+            value: $value,
             unknown: $unknown,
-        }
+        }),*];
     };
 }
 
-/// Every limit, in the order of reports.
-pub const SPECS: [LimitSpec; 33] = [
-    limit!(
-        sigma_dph_max,
-        Most,
-        "deg/h",
-        Always,
-        "σ after correction",
-        false,
-        |a| relative(Some(a.after.sigma_dph), a.relative_sigma_of_spread()),
-        ""
-    ),
-    limit!(
-        peak_to_peak_dph_max,
-        Most,
-        "deg/h",
-        Always,
-        "max − min after correction",
-        false,
-        |a| relative(Some(a.after.peak_to_peak * a.after.dph_per_unit()), a.relative_sigma_of_range()),
-        ""
-    ),
-    limit!(
-        sigma_over_floor_max,
-        Most,
-        "",
-        Always,
-        "σ after correction over the noise floor",
-        false,
+limits! {
+    /// σ after
+    sigma_dph_max: "σ after correction", Most, ANY, "deg/h", Always,
+        |a| relative(Some(a.after.sigma_dph), a.relative_sigma_of_spread()), "";
+    /// max − min after
+    peak_to_peak_dph_max: "max − min after correction", Most, ANY, "deg/h", Always,
+        |a| relative(Some(a.after.peak_to_peak * a.after.dph_per_unit()), a.relative_sigma_of_range()), "";
+    /// σ after over the noise floor
+    sigma_over_floor_max: "σ after correction over the noise floor", Most, ANY, "", Always,
         |a| {
             let ratio = over_floor(a).filter(|_| !is_below_floor(a));
             relative(ratio, a.relative_sigma_of_spread())
         },
-        NO_FLOOR
-    ),
-    limit!(
-        sigma_beyond_floor_dph_max,
-        Most,
-        "deg/h",
-        Always,
-        "σ beyond the noise floor, √(σ² − floor²)",
-        false,
-        |a| a.sigma_beyond_floor().filter(|_| !is_below_floor(a)),
-        NO_FLOOR
-    ),
-    limit!(
-        improvement_min,
-        Least,
-        "",
-        Always,
-        "max − min, before over after",
-        false,
-        |a| relative(a.improvement, a.relative_sigma_of_range()),
-        "the residual is zero: there is nothing to divide by"
-    ),
-    limit!(
-        improvement_sigma_min,
-        Least,
-        "",
-        Always,
-        "σ, before over after",
-        false,
-        |a| relative(a.improvement_sigma, a.relative_sigma_of_spread()),
-        "the residual is zero: there is nothing to divide by"
-    ),
-    limit!(
-        out_of_span_max,
-        Most,
-        "",
-        Always,
-        "windows beyond the calibrated temperatures, fraction",
-        true,
-        |a| plain(Some(a.out_of_span_fraction)),
-        ""
-    ),
-    limit!(
-        span_covered_min,
-        Least,
-        "",
-        Always,
-        "calibrated temperature span covered, fraction",
-        true,
-        |a| plain(a.coverage.as_ref().map(|coverage| coverage.covered_fraction)),
-        "the retest has no temperature"
-    ),
-    limit!(
-        plateau_sigma_dph_max,
-        Most,
-        "deg/h",
-        Always,
-        "plateau σ, largest",
-        false,
-        |a| a.residual.plateaus.map(|p| (p.worst_sigma_dph, Some(p.worst_sigma_dph * p.worst_relative_sigma))),
-        NO_PLATEAU
-    ),
+        NO_FLOOR;
+    /// σ after beyond the noise floor, √(σ² − floor²)
+    sigma_beyond_floor_dph_max: "σ beyond the noise floor, √(σ² − floor²)", Most, ANY, "deg/h", Always,
+        |a| a.sigma_beyond_floor().filter(|_| !is_below_floor(a)), NO_FLOOR;
+    /// max − min before over after
+    improvement_min: "max − min, before over after", Least, ANY, "", Always,
+        |a| relative(a.improvement, a.relative_sigma_of_range()), "the residual is zero: there is nothing to divide by";
+    /// σ before over after
+    improvement_sigma_min: "σ, before over after", Least, ANY, "", Always,
+        |a| relative(a.improvement_sigma, a.relative_sigma_of_spread()), "the residual is zero: there is nothing to divide by";
+    /// fraction of the windows beyond the fit's temperatures by over 0.5 °C
+    out_of_span_max: "windows beyond the calibrated temperatures, fraction", Most, WHOLE, "", Always,
+        |a| plain(Some(a.out_of_span_fraction)), "";
+    /// fraction of the fit's temperature span that the windows cover
+    span_covered_min: "calibrated temperature span covered, fraction", Least, WHOLE, "", Always,
+        |a| plain(a.coverage.as_ref().map(|coverage| coverage.covered_fraction)), "the retest has no temperature";
+    /// largest σ within a plateau
+    plateau_sigma_dph_max: "plateau σ, largest", Most, ANY, "deg/h", Always,
+        |a| a.residual.plateaus.map(|p| (p.worst_sigma_dph, Some(p.worst_sigma_dph * p.worst_relative_sigma))), NO_PLATEAU;
+    /// largest distance of a plateau's mean from its run's
     // The mean of an only plateau is that of its run, or nearly.
-    limit!(
-        plateau_offset_dph_max,
-        Most,
-        "deg/h",
-        Always,
-        "plateau bias, largest",
-        false,
-        |a| size(a.residual.plateaus.filter(|p| p.plateaus > 1).map(|p| p.worst_offset_dph)),
-        NO_PLATEAU
-    ),
-    limit!(
-        ramps_rms_dph_max,
-        Most,
-        "deg/h",
-        Always,
-        "ramp residual, rms",
-        false,
-        |a| relative(a.residual.ramps_rms_dph, a.relative_sigma_of_spread()),
-        "fewer than ten windows in ramps"
-    ),
-    limit!(
-        ramp_offset_dph_max,
-        Most,
-        "deg/h",
-        SoaksAndRamps,
-        "ramps less soaks",
-        false,
-        |a| size(a.residual.ramp_offset_dph),
-        ""
-    ),
-    limit!(
-        drift_dph_per_c_max,
-        Most,
-        "deg/h per degC",
-        Always,
-        "bias temperature slope",
-        false,
-        |a| size(a.residual.temperature_slope),
-        NO_SLOPE
-    ),
-    limit!(
-        drift_dph_per_cpm_max,
-        Most,
-        "deg/h per degC/min",
-        Always,
-        "bias temperature-rate slope",
-        false,
-        |a| size(a.residual.rate_slope),
-        NO_SLOPE
-    ),
-    limit!(
-        hysteresis_dph_max,
-        Most,
-        "deg/h",
-        Always,
-        "hysteresis, heating less cooling",
-        false,
-        |a| size(a.residual_diagnostics.hysteresis_dph),
-        "fewer than 20 windows of heating or of cooling"
-    ),
-    limit!(
-        scale_factor_sigma_ppm_max,
-        Most,
-        "ppm",
-        Turned,
-        "scale factor over temperature, σ",
-        false,
-        |a| plain(scale_of(a).map(|scale| scale.after.sigma_ppm)),
-        NO_SCALE
-    ),
-    limit!(
-        scale_factor_peak_to_peak_ppm_max,
-        Most,
-        "ppm",
-        Turned,
-        "scale factor over temperature, max − min",
-        false,
-        |a| plain(scale_of(a).map(|scale| scale.after.peak_to_peak_ppm)),
-        NO_SCALE
-    ),
-    limit!(
-        arw_deg_rt_h_max,
-        Most,
-        "deg/rt h",
-        AtRest,
-        "angle random walk",
-        false,
-        |a| plain(a.residual.random_walk.map(|walk| walk.after_deg_rt_h)),
-        NO_NOISE
-    ),
-    limit!(
-        arw_increase_max,
-        Most,
-        "",
-        AtRest,
-        "angle random walk, after over before",
-        false,
-        |a| plain(a.residual.random_walk.map(|walk| walk.after_deg_rt_h / walk.before_deg_rt_h)),
-        NO_NOISE
-    ),
-    limit!(
-        bias_instability_dph_max,
-        Most,
-        "deg/h",
-        Always,
-        "bias instability",
-        false,
-        |a| size(a.residual.bias_instability_dph),
-        "no six windows that follow each other"
-    ),
-    limit!(
-        position_error_m_max,
-        Most,
-        "m",
-        Always,
-        "position error of the flight, with 2 σ",
-        false,
-        |a| plain(a.flight.as_ref().map(|flight| flight.bound_after_m)),
-        "the flight was not flown"
-    ),
-    limit!(
-        temperature_residual_dph_max,
-        Most,
-        "deg/h",
-        Always,
-        "bias over temperature beyond noise, rms",
-        false,
-        |a| size(a.residual.over_temperature_dph),
-        "fewer than 40 windows with a temperature, or less than 1 °C between them"
-    ),
-    limit!(
-        bias_repeatability_dph_max,
-        Most,
-        "deg/h",
-        KnownInput,
-        "bias repeatability, largest",
-        false,
-        |a| size(a.bias_of_every_run().ok().and_then(|found| Some(found.worst()?.difference_dph))),
-        RUN_WITHOUT_BIAS
-    ),
-    limit!(
-        turn_on_sigma_dph_max,
-        Most,
-        "deg/h",
-        KnownInput,
-        "turn-on to turn-on bias, σ (95 % bound)",
-        false,
+    plateau_offset_dph_max: "plateau bias, largest", Most, ANY, "deg/h", Always,
+        |a| size(a.residual.plateaus.filter(|p| p.plateaus > 1).map(|p| p.worst_offset_dph)), NO_PLATEAU;
+    /// rms in ramps
+    ramps_rms_dph_max: "ramp residual, rms", Most, ANY, "deg/h", Always,
+        |a| relative(a.residual.ramps_rms_dph, a.relative_sigma_of_spread()), "fewer than ten windows in ramps";
+    /// mean of the ramps less mean of the soaks
+    ramp_offset_dph_max: "ramps less soaks", Most, ANY, "deg/h", SoaksAndRamps,
+        |a| size(a.residual.ramp_offset_dph), "";
+    /// slope over temperature
+    drift_dph_per_c_max: "bias temperature slope", Most, ANY, "deg/h per degC", Always,
+        |a| size(a.residual.temperature_slope), NO_SLOPE;
+    /// slope over the temperature rate
+    drift_dph_per_cpm_max: "bias temperature-rate slope", Most, ANY, "deg/h per degC/min", Always,
+        |a| size(a.residual.rate_slope), NO_SLOPE;
+    /// mean while heating less mean while cooling
+    hysteresis_dph_max: "hysteresis, heating less cooling", Most, ANY, "deg/h", Always,
+        |a| size(a.residual_diagnostics.hysteresis_dph), "fewer than 20 windows of heating or of cooling";
+    /// σ of the scale factor over the plateaus
+    scale_factor_sigma_ppm_max: "scale factor over temperature, σ", Most, ANY, "ppm", Turned,
+        |a| plain(scale_of(a).map(|scale| scale.after.sigma_ppm)), NO_SCALE;
+    /// max − min of the scale factor over the plateaus
+    scale_factor_peak_to_peak_ppm_max: "scale factor over temperature, max − min", Most, ANY, "ppm", Turned,
+        |a| plain(scale_of(a).map(|scale| scale.after.peak_to_peak_ppm)), NO_SCALE;
+    /// angle random walk after
+    arw_deg_rt_h_max: "angle random walk", Most, ANY, "deg/rt h", AtRest,
+        |a| plain(a.residual.random_walk.map(|walk| walk.after_deg_rt_h)), NO_NOISE;
+    /// angle random walk after over before
+    arw_increase_max: "angle random walk, after over before", Most, ANY, "", AtRest,
+        |a| plain(a.residual.random_walk.map(|walk| walk.after_deg_rt_h / walk.before_deg_rt_h)), NO_NOISE;
+    /// bias instability after
+    bias_instability_dph_max: "bias instability", Most, ANY, "deg/h", Always,
+        |a| size(a.residual.bias_instability_dph), "no six windows that follow each other";
+    /// position error of the flight by the drift after, with two of its σ
+    position_error_m_max: "position error of the flight, with 2 σ", Most, ANY, "m", Always,
+        |a| plain(a.flight.as_ref().map(|flight| flight.bound_after_m)), "the flight was not flown";
+    /// rms over temperature of the smooth residual, less what noise makes of it
+    temperature_residual_dph_max: "bias over temperature beyond noise, rms", Most, ANY, "deg/h", Always,
+        |a| size(a.residual.over_temperature_dph), "fewer than 40 windows with a temperature, or less than 1 °C between them";
+    /// largest fixed bias of a run less that of the calibration
+    bias_repeatability_dph_max: "bias repeatability, largest", Most, ANY, "deg/h", KnownInput,
+        |a| size(a.bias_of_every_run().ok().and_then(|found| Some(found.worst()?.difference_dph))), RUN_WITHOUT_BIAS;
+    /// one-sided 95 % bound of the σ from turn-on to turn-on
+    turn_on_sigma_dph_max: "turn-on to turn-on bias, σ (95 % bound)", Most, ANY, "deg/h", KnownInput,
         |a| plain(a.bias_of_every_run().ok().and_then(|found| Some(found.turn_ons?.sigma_upper_dph))),
-        "fewer than two runs, or one that is shorter than eight windows or was turned at one rate alone"
-    ),
-    limit!(
-        fixed_bias_dph_max,
-        Most,
-        "deg/h",
-        KnownInput,
-        "fixed bias, largest",
-        false,
-        |a| size(a.bias_of_every_run().ok().and_then(BiasRepeatability::largest_bias_dph)),
-        RUN_WITHOUT_BIAS
-    ),
-    limit!(
-        scale_factor_repeatability_ppm_max,
-        Most,
-        "ppm",
-        BothTurned,
-        "scale factor repeatability",
-        false,
-        |a| size_ppm(scale_of(a).and(a.scale_factor_difference)),
-        NO_SCALE
-    ),
-    limit!(
-        scale_factor_ppm_max,
-        Most,
-        "ppm",
-        Turned,
-        "scale factor error",
-        false,
+        "fewer than two runs, or one that is shorter than eight windows or was turned at one rate alone";
+    /// largest fixed bias of a run
+    fixed_bias_dph_max: "fixed bias, largest", Most, ANY, "deg/h", KnownInput,
+        |a| size(a.bias_of_every_run().ok().and_then(BiasRepeatability::largest_bias_dph)), RUN_WITHOUT_BIAS;
+    /// scale factor less that of the calibration
+    scale_factor_repeatability_ppm_max: "scale factor repeatability", Most, ANY, "ppm", BothTurned,
+        |a| size_ppm(scale_of(a).and(a.scale_factor_difference)), NO_SCALE;
+    /// deviation of the scale factor from its nominal value
+    scale_factor_ppm_max: "scale factor error", Most, ANY, "ppm", Turned,
         |a| {
             let scale = scale_of(a)?;
             let sigma_ppm = scale.of_noise_ppm / (scale.plateaus.len() as f64).sqrt();
             Some((scale.after.mean_ppm.abs(), Some(sigma_ppm)))
         },
-        NO_SCALE
-    ),
-    limit!(
-        scale_factor_asymmetry_ppm_max,
-        Most,
-        "ppm",
-        Turned,
-        "scale factor asymmetry, largest",
-        false,
+        NO_SCALE;
+    /// largest asymmetry of the scale factor at a plateau
+    scale_factor_asymmetry_ppm_max: "scale factor asymmetry, largest", Most, ANY, "ppm", Turned,
         |a| largest_ppm(a, |plateau| plateau.asymmetry),
-        "no plateau has rates in both directions, or too few temperatures have a plateau"
-    ),
-    limit!(
-        scale_factor_nonlinearity_ppm_max,
-        Most,
-        "ppm",
-        Turned,
-        "scale factor nonlinearity, largest",
-        false,
-        |a| largest_ppm(a, |plateau| plateau.nonlinearity),
-        "no plateau has three rates, or too few temperatures have a plateau"
-    ),
-    limit!(
-        scale_factor_hysteresis_ppm_max,
-        Most,
-        "ppm",
-        Turned,
-        "scale factor hysteresis, largest",
-        false,
+        "no plateau has rates in both directions, or too few temperatures have a plateau";
+    /// largest nonlinearity of the scale factor at a plateau
+    scale_factor_nonlinearity_ppm_max: "scale factor nonlinearity, largest", Most, ANY, "ppm", Turned,
+        |a| largest_ppm(a, |plateau| plateau.nonlinearity), "no plateau has three rates, or too few temperatures have a plateau";
+    /// largest difference of the scale factor between visits of one temperature
+    scale_factor_hysteresis_ppm_max: "scale factor hysteresis, largest", Most, ANY, "ppm", Turned,
         |a| size_ppm(scale_of(a).and_then(ScaleProof::hysteresis)),
-        "no temperature was visited twice, or too few of them have a plateau"
-    ),
-    limit!(
-        rate_covered_min,
-        Least,
-        "",
-        WithRate,
-        "calibrated temperature rates covered, fraction",
-        true,
-        |a| plain(a.rate_coverage),
-        "the ramps of the fit are not known"
-    ),
-    limit!(
-        missing_max,
-        Most,
-        "",
-        Always,
-        "time without usable rows, fraction",
-        true,
-        |a| plain(Some(a.missing_fraction)),
-        ""
-    ),
-    limit!(
-        excluded_max,
-        Most,
-        "",
-        Excluding,
-        "rows excluded on request, fraction",
-        true,
-        |a| plain(a.excluded_fraction),
-        ""
-    ),
-];
+        "no temperature was visited twice, or too few of them have a plateau";
+    /// fraction of the fit's temperature rates that the ramps reach
+    rate_covered_min: "calibrated temperature rates covered, fraction", Least, WHOLE, "", WithRate,
+        |a| plain(a.rate_coverage), "the ramps of the fit are not known";
+    /// fraction of the time of the runs of which no row is usable
+    missing_max: "time without usable rows, fraction", Most, WHOLE, "", Always,
+        |a| plain(Some(a.missing_fraction)), "";
+    /// fraction of the rows that was excluded on request
+    excluded_max: "rows excluded on request, fraction", Most, WHOLE, "", Excluding,
+        |a| plain(a.excluded_fraction), "";
+}

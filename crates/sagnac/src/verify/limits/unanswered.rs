@@ -1,4 +1,4 @@
-//! What a log could not show if it were a retest: every limit, asked of the log beside itself.
+//! What a log could not show if it were a retest: every limit, asked of the log next to itself.
 //!
 //! The figures are those of a verification whose corrected side is the raw side. Their values say nothing of a correction and are dropped;
 //! whether a figure can be had, and why not, is the same for every correction.
@@ -8,7 +8,7 @@ use sagnac_core::Status;
 use crate::verify::limits::table::{Applies, EXCLUDED, LimitSpec, POSITION_ERROR, SPECS};
 use crate::verify::limits::verdict::DecisionRule;
 use crate::verify::replay::paired::PairedWindows;
-use crate::verify::values::of_axis::Against;
+use crate::verify::values::of_axis::{Against, Retest};
 use crate::verify::{AxisVerification, Correction};
 use crate::window::Windows;
 use sagnac_log::error::Result;
@@ -39,7 +39,7 @@ pub fn unanswered(windows: &Windows, correction: &Correction, setup: &Setup) -> 
     pair.leave_out_unknown(&test)?;
     let name = correction.calibration.as_ref().and_then(|calibration| calibration.thermometer_name());
     let sensor = name.and_then(|name| windows.shape.thermometers.iter().position(|other| other == name));
-    let (axes, _) = Against { correction, test: &test, sensor }.figures(&pair)?;
+    let (axes, _) = Against { correction, test: &test, sensor }.figures(&Retest::all(&pair))?;
     Ok(axes.iter().map(|axis| (axis.axis, of_axis(axis))).collect())
 }
 

@@ -5,13 +5,12 @@
 //! hours      of retest after which ± 1.645σ would not reach across the limit: h·((1.645σ/room)² − 1), for σ falls with √h
 //! ```
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use sagnac_units::format::{significant, with_sigma};
 
 /// One limit held against its value.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Verdict {
@@ -141,7 +140,7 @@ impl Judged {
 }
 
 /// How a value with an uncertainty is compared with its limit.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum DecisionRule {
     /// The value alone.

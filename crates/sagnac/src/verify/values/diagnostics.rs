@@ -11,7 +11,6 @@
 //! √(2/n)·floor² for the variance, σ√(1/n₁ + 1/n₂) for steps, 1/√n for the correlation; of the hysteresis by the noise of the windows,
 //! slow noise too ([`super::noise`]).
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::{Leg, Point, hysteresis_of};
@@ -23,7 +22,7 @@ use sagnac_units::format::{counted, significant, with_sigma};
 const BESIDE: usize = 10;
 
 /// Steps over the breaks of a record.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct GapSteps {
@@ -36,7 +35,7 @@ pub struct GapSteps {
 }
 
 /// Diagnostics of the residual.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct ResidualDiagnostics {

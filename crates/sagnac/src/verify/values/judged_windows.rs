@@ -7,7 +7,6 @@
 //! ```
 
 use nalgebra::DMatrix;
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::Point;
@@ -22,7 +21,7 @@ const SMOOTH_ORDER: usize = 16;
 const WINDOWS_PER_ORDER: usize = 5;
 
 /// A value with its standard error.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Estimate {

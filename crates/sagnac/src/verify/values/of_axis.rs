@@ -1,4 +1,4 @@
-//! Figures of a retest: every axis over the used windows, before and after, beside the floor and against the calibration.
+//! Figures of a retest: every axis over the used windows, before and after, next to the floor and the calibration.
 //!
 //! ```text
 //! σ² = Σ w·(v − m)²/(n − runs)      v a window's value, w its length over the nominal one (at most 1), m its run's mean
@@ -6,6 +6,8 @@
 //! ```
 //!
 //! Runs that cover little of the temperatures each are taken about the mean of all: their own means would hold the drift.
+
+use std::collections::BTreeMap;
 
 use sagnac_core::{Image, Status};
 
@@ -20,11 +22,12 @@ use crate::verify::replay::paired::PairedWindows;
 use crate::verify::result::{AxisVerification, Coverage, RetestNoiseFloor};
 use crate::verify::values::before_after::{Figures, Weighted, expected_range};
 use crate::verify::values::diagnostics::residual_diagnostics;
-use crate::verify::values::judged_windows::judged;
+use crate::verify::values::judged_windows;
 use crate::verify::values::noise::ResidualNoise;
 use crate::verify::values::rate_table::{Drifts, PairedDrifts};
 use crate::verify::values::repeatability::{BiasRepeatability, scale_difference};
-use crate::verify::values::residual::{self, RandomWalk};
+use crate::verify::values::residual::{RandomWalk, residual};
+use crate::verify::values::suspects::suspects;
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, Reason};
@@ -40,9 +43,27 @@ pub(crate) struct Against<'a> {
     pub(crate) sensor: Option<usize>,
 }
 
+/// The windows of a retest, or of a run of it.
+pub(crate) struct Retest<'a> {
+    pub(crate) pair: &'a PairedWindows,
+    /// Part of the time of which no row is usable, 0 to 1.
+    pub(crate) missing_fraction: f64,
+    /// Part of the rows that was excluded on request, 0 to 1; `None` where nothing was asked to be excluded.
+    pub(crate) excluded_fraction: Option<f64>,
+    /// Where bumps, steps and start-up are searched for.
+    pub(crate) suspects_in: Option<&'a Windows>,
+}
+
+impl<'a> Retest<'a> {
+    /// All windows of a retest, nothing excluded, nothing suspected.
+    pub(crate) fn all(pair: &'a PairedWindows) -> Self {
+        Self { pair, missing_fraction: pair.missing_fraction(None), excluded_fraction: None, suspects_in: None }
+    }
+}
+
 /// Windows prepared once for every axis.
 struct Prepared<'a> {
-    pair: &'a PairedWindows,
+    retest: &'a Retest<'a>,
     used: Vec<usize>,
     drifts: PairedDrifts<'a>,
     /// Each run covers so little of the temperatures that its own mean would hold the drift.
@@ -51,30 +72,31 @@ struct Prepared<'a> {
 }
 
 impl<'a> Prepared<'a> {
-    fn of(pair: &'a PairedWindows, test: &'a TestConfig, sensor: Option<usize>) -> Result<Self> {
+    fn of(retest: &'a Retest<'a>, test: &'a TestConfig, sensor: Option<usize>) -> Result<Self> {
+        let pair = retest.pair;
         let used = pair.used();
+        // Short windows alone say nothing of a floor, a plateau or a status.
+        if used.is_empty() {
+            return Err(too_few(&used));
+        }
         let drifts = PairedDrifts::of(pair, &used, test, sensor)?;
         let runs = run_spans(&pair.raw);
         let about_common_mean = offsets_hide_drift(&points(&pair.raw, &runs, sensor, |_| 0.0, |_| 0.0));
         let report_data = report_data(pair, &drifts, &used, runs, about_common_mean, sensor);
-        Ok(Self { pair, used, drifts, about_common_mean, report_data })
+        Ok(Self { retest, used, drifts, about_common_mean, report_data })
     }
-}
 
-impl Against<'_> {
-    fn axis_figures(&self, prepared: &Prepared<'_>, axis: usize) -> Result<AxisVerification> {
-        let Prepared { pair, used, drifts, about_common_mean, report_data } = prepared;
-        let windows = &pair.raw;
-        let too_few = || {
-            Error::refused(format!("{} usable windows; before and after need at least two per run", used.len()))
-                .help("give a longer retest or a shorter --window")
-        };
-        // Short windows alone say nothing of a floor, a plateau or a status.
-        if used.is_empty() {
-            return Err(too_few());
-        }
-        let scale = unit_of(windows).0;
-        let dph_per_unit = windows.shape.unit.arcsec() / scale;
+    /// °/h per unit of the figures.
+    fn dph_per_unit(&self) -> f64 {
+        let windows = &self.retest.pair.raw;
+        windows.shape.unit.arcsec() / unit_of(windows).0
+    }
+
+    /// Figures of an axis before and after.
+    fn before_after(&self, axis: usize) -> Result<(Figures, Figures)> {
+        let Self { retest, used, drifts, about_common_mean, .. } = self;
+        let windows = &retest.pair.raw;
+        let (scale, dph_per_unit) = (unit_of(windows).0, self.dph_per_unit());
         let run_of = |i: usize| if *about_common_mean { 0 } else { windows.rows.run[i] };
         let figures = |side: &Windows, drift: &Drifts<'_>| {
             let angle = &side.rows.angle[axis];
@@ -88,70 +110,87 @@ impl Against<'_> {
                 Some(reason) => reason == Reason::ShortWindow && !drifts.is_turned(),
             };
             let values: Vec<Weighted> = (0..windows.len()).filter(is_judged).map(weighted).collect();
-            Figures::of(&values, dph_per_unit).ok_or_else(too_few)
+            Figures::of(&values, dph_per_unit).ok_or_else(|| too_few(used))
         };
-        let (before, after) = (figures(windows, &drifts.raw)?, figures(&pair.corrected, &drifts.corrected)?);
-        let ratio = |before: f64, after: f64| (after > 0.0).then_some(before / after);
-        let status_windows = Status::NAMES.iter().map(|(bit, name)| {
-            ((*name).to_owned(), used.iter().filter(|i| pair.status[axis][**i].contains(*bit)).count())
-        });
-        let letter = windows.shape.axes[axis];
-        let noise_floor = noise_floor(windows, used, axis, self.correction, self.test, dph_per_unit);
-        let points = &report_data.axes[axis].points;
-        let noise = ResidualNoise::of(&judged(points), *about_common_mean);
-        let diagnostics =
-            residual_diagnostics(points, &noise, after.sigma_dph, noise_floor.as_ref().map(|floor| floor.value_dph));
-        // Of every window: a noise that comes and goes is the unit's. Turned, a counter's quantization is a saw that the short-τ fit takes
-        // for a walk.
+        Ok((figures(windows, &drifts.raw)?, figures(&retest.pair.corrected, &drifts.corrected)?))
+    }
+
+    /// N before and after. Of every window: a noise that comes and goes is the unit's. Turned, a counter's quantization is a saw that the
+    /// short-τ fit takes for a walk.
+    fn random_walk(&self, axis: usize) -> Option<RandomWalk> {
         let walk = |side: &Windows| side.noise_with_shaken(axis).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);
-        let random_walk = walk(windows)
-            .zip(walk(&pair.corrected))
-            .map(|(before_deg_rt_h, after_deg_rt_h)| RandomWalk { before_deg_rt_h, after_deg_rt_h });
+        let PairedWindows { raw, corrected, .. } = self.retest.pair;
+        let (before_deg_rt_h, after_deg_rt_h) = walk(raw).zip(walk(corrected))?;
+        (!self.drifts.is_turned()).then_some(RandomWalk { before_deg_rt_h, after_deg_rt_h })
+    }
+
+    /// Windows in which each status occurred.
+    fn status_windows(&self, axis: usize) -> BTreeMap<String, usize> {
+        let status = &self.retest.pair.status[axis];
+        let count = |bit: Status| self.used.iter().filter(|i| status[**i].contains(bit)).count();
+        let counts = Status::NAMES.iter().map(|(bit, name)| ((*name).to_owned(), count(*bit)));
+        counts.filter(|(_, n)| *n > 0).collect()
+    }
+}
+
+fn too_few(used: &[usize]) -> Error {
+    Error::refused(format!("{} usable windows; before and after need at least two per run", used.len()))
+        .help("give a longer retest or a shorter --window")
+}
+
+impl Against<'_> {
+    fn axis_figures(&self, prepared: &Prepared<'_>, axis: usize) -> Result<AxisVerification> {
+        let Prepared { retest, used, drifts, about_common_mean, report_data } = prepared;
+        let windows = &retest.pair.raw;
+        let letter = windows.shape.axes[axis];
+        let record = self.record(letter);
+        let in_span = self.image(letter).zip(self.sensor);
+        let (before, after) = prepared.before_after(axis)?;
+        let ratio = |before: f64, after: f64| (after > 0.0).then_some(before / after);
+        let noise_floor = noise_floor(windows, used, axis, self.correction, self.test, prepared.dph_per_unit());
+        let floor_dph = noise_floor.as_ref().map(|floor| floor.value_dph);
+        let points = &report_data.axes[axis].points;
+        let noise = ResidualNoise::of(&judged_windows::judged(points), *about_common_mean);
+        let scale_factor = drifts.scale_proof(used, axis, self.sensor);
+        let bias = BiasRepeatability::of(drifts, windows, used, axis, record, self.test);
         Ok(AxisVerification {
             axis: letter,
             before,
             after,
-            noise_floor,
             improvement: ratio(before.peak_to_peak, after.peak_to_peak),
             improvement_sigma: ratio(before.sigma, after.sigma),
-            residual_diagnostics: diagnostics,
-            status_windows: status_windows.filter(|(_, n)| *n > 0).collect(),
-            coverage: None,
-            residual: residual::residual(points, &noise, random_walk.filter(|_| !drifts.is_turned())),
+            residual_diagnostics: residual_diagnostics(points, &noise, after.sigma_dph, floor_dph),
+            noise_floor,
+            coverage: in_span.and_then(|(image, sensor)| Coverage::of(image, windows, used, sensor)),
             turned: drifts.is_turned(),
             turned_about: drifts.is_turned_about(axis),
+            residual: residual(points, &noise, prepared.random_walk(axis)),
             flight: None,
             flight_unavailable: None,
-            scale_factor: None,
-            bias_repeatability: None,
-            bias_repeatability_unavailable: None,
-            scale_factor_difference: None,
-            scale_factor_calibrated: false,
-            rate_coverage: None,
-            repeats_profile: false,
+            scale_factor_difference: scale_difference(scale_factor.as_ref(), record),
+            scale_factor,
+            bias_repeatability_unavailable: bias.as_ref().err().cloned(),
+            bias_repeatability: bias.ok(),
+            rate_coverage: record.and_then(|record| reached_rates(record, points)),
+            repeats_profile: record.is_some_and(|record| repeats_profile(record, points)),
+            scale_factor_calibrated: record.is_some_and(|record| record.scale_factor().is_some()),
             about_common_mean: *about_common_mean,
-            missing_fraction: pair.missing_fraction(None),
-            out_of_span_fraction: 0.0,
+            missing_fraction: retest.missing_fraction,
+            out_of_span_fraction: in_span.map_or(0.0, |(image, sensor)| out_of_span(image, windows, used, sensor)),
             hours: used.iter().map(|i| windows.duration_s(*i)).sum::<f64>() / 3600.0,
-            excluded_fraction: None,
-            suspects: Vec::new(),
+            excluded_fraction: retest.excluded_fraction,
+            suspects: retest.suspects_in.map_or_else(Vec::new, |windows| suspects(windows, axis)),
+            status_windows: prepared.status_windows(axis),
             limits: Vec::new(),
             pass: None,
         })
     }
 
     /// Figures of every axis over the used windows, and the points behind them.
-    pub(crate) fn figures(&self, pair: &PairedWindows) -> Result<(Vec<AxisVerification>, ReportData)> {
-        let prepared = Prepared::of(pair, self.test, self.sensor)?;
-        let axes = (0..pair.raw.shape.axes.len()).map(|axis| {
-            let mut figures = self.axis_figures(&prepared, axis)?;
-            self.compare_with_record(&mut figures, &prepared, axis);
-            figures.repeats_profile = self.repeats_profile(figures.axis, &prepared.report_data.axes[axis].points);
-            figures.rate_coverage = self.rate_coverage(figures.axis, &prepared.report_data.axes[axis].points);
-            Ok(figures)
-        });
-        let axes: Result<Vec<AxisVerification>> = axes.collect();
-        Ok((axes?, prepared.report_data))
+    pub(crate) fn figures(&self, retest: &Retest<'_>) -> Result<(Vec<AxisVerification>, ReportData)> {
+        let prepared = Prepared::of(retest, self.test, self.sensor)?;
+        let axes = (0..retest.pair.raw.shape.axes.len()).map(|axis| self.axis_figures(&prepared, axis));
+        Ok((axes.collect::<Result<_>>()?, prepared.report_data))
     }
 
     /// The record of an axis.
@@ -159,41 +198,26 @@ impl Against<'_> {
         self.correction.calibration.as_ref()?.axes.iter().find(|record| record.axis == axis)
     }
 
-    fn rate_coverage(&self, axis: char, points: &[Point]) -> Option<f64> {
-        let record = self.record(axis)?;
-        record.rate_span_cpm()?;
-        Some(rate_coverage(record.fit.as_ref()?.ramp_rates_cpm?, ramp_rates_cpm(points)?))
+    /// The image of an axis.
+    fn image(&self, axis: char) -> Option<&Image> {
+        self.correction.images.iter().find(|image| char::from(image.description().axis) == axis)
     }
+}
 
-    /// What the calibration could not separate from temperature moves with it here, too.
-    fn repeats_profile(&self, axis: char, points: &[Point]) -> bool {
-        let entanglement = self.record(axis).and_then(|record| record.fit.as_ref()).map(|fit| &fit.entanglement);
-        let again = |with: MovedTogether| match with {
-            MovedTogether::TemperatureRate => rate_explained(points),
-            MovedTogether::Time => time_explained(points),
-        };
-        entanglement.into_iter().flatten().any(|of| again(of.with).is_some_and(|part| part > TOGETHER))
-    }
+/// Part of the temperature rates of a fit that the ramps of a retest reach.
+fn reached_rates(record: &AxisCalibration, points: &[Point]) -> Option<f64> {
+    record.rate_span_cpm()?;
+    Some(rate_coverage(record.fit.as_ref()?.ramp_rates_cpm?, ramp_rates_cpm(points)?))
+}
 
-    /// Coverage, bias and scale factor against the calibration.
-    fn compare_with_record(&self, figures: &mut AxisVerification, prepared: &Prepared<'_>, axis: usize) {
-        let Prepared { pair, used, drifts, .. } = prepared;
-        let images = &self.correction.images;
-        let image = images.iter().find(|image| char::from(image.description().axis) == figures.axis);
-        figures.coverage =
-            image.zip(self.sensor).and_then(|(image, sensor)| Coverage::of(image, &pair.raw, used, sensor));
-        if let Some((image, sensor)) = image.zip(self.sensor) {
-            figures.out_of_span_fraction = out_of_span(image, &pair.raw, used, sensor);
-        }
-        figures.scale_factor = drifts.scale_proof(used, axis, self.sensor);
-        let record = self.record(figures.axis);
-        figures.scale_factor_difference = scale_difference(figures.scale_factor.as_ref(), record);
-        figures.scale_factor_calibrated = record.is_some_and(|record| record.scale_factor().is_some());
-        match BiasRepeatability::of(drifts, &pair.raw, used, axis, record, self.test) {
-            Ok(found) => figures.bias_repeatability = Some(found),
-            Err(why) => figures.bias_repeatability_unavailable = Some(why),
-        }
-    }
+/// What the calibration could not separate from temperature moves with it here, too.
+fn repeats_profile(record: &AxisCalibration, points: &[Point]) -> bool {
+    let entanglement = record.fit.as_ref().map(|fit| &fit.entanglement);
+    let again = |with: MovedTogether| match with {
+        MovedTogether::TemperatureRate => rate_explained(points),
+        MovedTogether::Time => time_explained(points),
+    };
+    entanglement.into_iter().flatten().any(|of| again(of.with).is_some_and(|part| part > TOGETHER))
 }
 
 impl AxisVerification {

@@ -9,7 +9,6 @@
 //! ramps, where the table turns one way in heating and the other in cooling. What the scale factor does over temperature is
 //! told apart, plateau by plateau.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{Plateau, PpmEstimate};
@@ -23,7 +22,7 @@ use sagnac_log::error::Result;
 use sagnac_log::setup::TestConfig;
 
 /// Scale factor over the plateaus of a retest, ppm.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct ScaleFigures {
@@ -36,7 +35,7 @@ pub struct ScaleFigures {
 }
 
 /// One plateau, before and after.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct PlateauProof {
@@ -53,7 +52,7 @@ pub struct PlateauProof {
 }
 
 /// What the correction does to the scale factor.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct ScaleProof {

@@ -14,7 +14,6 @@
 //! Needs the input rate, from the setup (`input_rate_dph`, `[earth]`): without it a difference of bias is none of the gyro's.
 
 use sagnac_units::format::{file_name, significant};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -34,7 +33,7 @@ const SAME_INPUT_DPH: f64 = 1e-6;
 const ONE_SIDED: f64 = 0.95;
 
 /// One run of the retest.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct RunBias {
@@ -49,7 +48,7 @@ pub struct RunBias {
 }
 
 /// Scatter from turn-on to turn-on.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct TurnOns {
@@ -62,7 +61,7 @@ pub struct TurnOns {
 }
 
 /// Fixed bias of the retest against its calibration.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct BiasRepeatability {

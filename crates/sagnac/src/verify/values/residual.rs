@@ -16,7 +16,6 @@
 //! slow noise too ([`super::noise`]); of a plateau's mean by its own scatter.
 
 use nalgebra::{DMatrix, DVector};
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::{Leg, Point};
@@ -42,7 +41,7 @@ const LEAST_APART: f64 = 1e-3;
 const FLAT: f64 = 0.664_28;
 
 /// Steady stretches of a retest.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Plateaus {
@@ -59,7 +58,7 @@ pub struct Plateaus {
 }
 
 /// Angle random walk of the rows, °/√h.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct RandomWalk {
@@ -70,7 +69,7 @@ pub struct RandomWalk {
 }
 
 /// Figures of what is left.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
 pub struct Residual {

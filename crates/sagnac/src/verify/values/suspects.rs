@@ -1,6 +1,5 @@
 //! Stretches of a retest that look like bumps, steps or start-up: reported with place and size, and judged like all others.
 
-use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::window::{Windows, suspected};
@@ -12,7 +11,7 @@ use sagnac_units::s_from_ns;
 const BESIDE: usize = 5;
 
 /// Windows one after the other that do not follow their neighbours.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct Suspect {
