@@ -64,7 +64,7 @@ pub fn encode(calibration: &Calibration, axis: &AxisCalibration, parent: [u8; 32
         slot.copy_from_slice(serial);
         Ok(())
     })?;
-    check_work(&image, calibration.setup.stages().target.slow_update_instructions_max)?;
+    check_work(&image, calibration.setup.slow_update_instructions_max)?;
     Ok(image)
 }
 

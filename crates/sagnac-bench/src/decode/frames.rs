@@ -59,7 +59,7 @@ impl Frames {
         let words = ["target_status", "path_length_status", "intensity_status", "image"];
         columns.extend(words.map(|name| (name.to_owned(), Content::Text)));
         rows.begin(columns, false);
-        let tick_ns = setup.stages().window.clock.tick_ns();
+        let tick_ns = setup.clock().tick_ns();
         let (reader, output, clock) = (FrameReader::new(), OutputClock::default(), RowClock::default());
         Ok(Self { reader, output, clock, tick_ns, thermometer, skipped: 0, waiting: None })
     }

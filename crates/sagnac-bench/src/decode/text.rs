@@ -3,7 +3,7 @@
 use sagnac_log::Error;
 use sagnac_log::Result;
 use sagnac_log::ingest::{Content, LiveHeader, fields_of, parse_time_ns, time_text};
-use sagnac_log::setup::{ReadConfig, Setup};
+use sagnac_log::setup::Setup;
 use sagnac_units::ns_from_s;
 
 use crate::decode::clock::{ClockReport, RowClock};
@@ -20,7 +20,7 @@ const TIME: &str = "time_ns";
 
 /// A source of text.
 pub(crate) struct Text {
-    config: ReadConfig,
+    setup: Setup,
     header: Option<LiveHeader>,
     /// The source sends no headers: the setup has them.
     is_given: bool,
@@ -44,10 +44,9 @@ pub(crate) struct Text {
 
 impl Text {
     pub(crate) fn new(setup: &Setup, started_ns: i64, rows: &mut Rows) -> Result<Self> {
-        let config = setup.stages().read;
-        let interval_ns = config.sample_interval_s.and_then(ns_from_s);
+        let interval_ns = setup.sample_interval_s.and_then(ns_from_s);
         let mut text = Self {
-            config,
+            setup: setup.clone(),
             header: None,
             is_given: false,
             carried: Vec::new(),
@@ -76,7 +75,7 @@ impl Text {
     /// Takes a line of headers over; false for a line that is none.
     fn begins(&mut self, line: &[u8], rows: &mut Rows) -> Result<bool> {
         let polled = rows.polled_names();
-        let Some(header) = LiveHeader::of_line(line, &polled, &self.config)? else { return Ok(false) };
+        let Some(header) = LiveHeader::of_line(line, &polled, &self.setup)? else { return Ok(false) };
         let layout = &header.layout;
         let own = layout.headers.len() - polled.len();
         let mut columns: Vec<(String, Content)> = layout
@@ -164,7 +163,7 @@ impl Text {
                 false
             });
         };
-        match LiveHeader::of_line(line, &rows.polled_names(), &self.config) {
+        match LiveHeader::of_line(line, &rows.polled_names(), &self.setup) {
             Ok(Some(header)) if header == *known => {
                 if std::mem::take(&mut self.is_foreign) {
                     rows.say(at_ns, "the headers are those of before again");

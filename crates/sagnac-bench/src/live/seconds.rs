@@ -63,10 +63,9 @@ impl Columns {
     /// # Errors
     /// Headers that contradict the setup.
     pub(crate) fn new(batch: &RecordBatch, setup: &Setup) -> Result<Self> {
-        let config = setup.stages().read;
         let schema = batch.schema();
         let headers: Vec<String> = schema.fields().iter().map(|field| field.name().clone()).collect();
-        let layout = Layout::new(headers.clone(), &config.columns, config.axis)?;
+        let layout = Layout::new(headers.clone(), &setup.columns, setup.axis)?;
         let polled: Vec<&str> =
             setup.bench.polls.iter().flat_map(|poll| poll.columns.iter().map(|column| column.name.as_str())).collect();
         let read = layout.columns_read();
@@ -77,7 +76,7 @@ impl Columns {
         let axis = |(place, letter, unit): &(usize, char, Option<f64>)| AxisColumn {
             place: *place,
             letter: *letter,
-            scale: unit.unwrap_or(config.arcsec_per_count.unwrap_or(1.0)),
+            scale: unit.unwrap_or(setup.arcsec_per_count.unwrap_or(1.0)),
             is_count: unit.is_none(),
         };
         let thermometer = |(place, name, zero): &(usize, String, f64)| ThermometerColumn {
@@ -92,9 +91,9 @@ impl Columns {
             numbers: aux.chain(rest().filter(|place| !is_text(*place)).map(named)).collect(),
             words: rest().filter(|place| is_text(*place)).map(named).collect(),
             time: layout.time,
-            interval_ns: config.sample_interval_s.and_then(sagnac_units::ns_from_s),
-            is_total: config.counter == Counter::Cumulative,
-            modulus: config.counter_bits.map(|bits| 2_f64.powi(i32::from(bits))),
+            interval_ns: setup.sample_interval_s.and_then(sagnac_units::ns_from_s),
+            is_total: setup.counter() == Counter::Cumulative,
+            modulus: setup.counter_bits.map(|bits| 2_f64.powi(i32::from(bits))),
         })
     }
 }

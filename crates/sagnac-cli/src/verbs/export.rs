@@ -231,7 +231,7 @@ fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
         let title = format!("input of axis {}", axis.axis);
         console.say(drawn(&["place", &title, "code"], rows));
         let data_given = axis.other_inputs().iter().filter(|input| {
-            matches!(&input.source, InputSource::Column(name) if calibration.setup.stages().model.aux(name).gain_per_code.is_none())
+            matches!(&input.source, InputSource::Column(name) if calibration.setup.aux(name).gain_per_code.is_none())
         });
         for input in data_given {
             console.note(format!(

@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::ingest::bytes::source::Source;
 use crate::ingest::columns::feed::{Open, Opened, Purpose};
 use crate::ingest::{arrow, text, ulog};
-use crate::setup::ReadConfig;
+use crate::setup::Setup;
 
 /// A format of a log, without gzip.
 pub(crate) struct Format {
@@ -32,9 +32,9 @@ impl Format {
     }
 
     /// Reads the header of a log of this format.
-    pub(crate) fn open(&self, source: Source, config: &ReadConfig, purpose: Purpose) -> Result<Opened> {
+    pub(crate) fn open(&self, source: Source, setup: &Setup, purpose: Purpose) -> Result<Opened> {
         let open = self.open.ok_or_else(|| Error::without(self.name))?;
-        open(source, config, purpose)
+        open(source, setup, purpose)
     }
 }
 

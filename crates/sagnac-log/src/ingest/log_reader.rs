@@ -28,7 +28,7 @@ use crate::ingest::columns::log_shape::{AngleUnit, LogShape};
 use crate::ingest::columns::raw::RawRows;
 use crate::ingest::formats::Format;
 use crate::ingest::pieces::Pieces;
-use crate::setup::{Counter, ReadConfig, Setup};
+use crate::setup::{Counter, Setup};
 use crate::threads::{helpers, spawn_in};
 use sagnac_units::ns_from_s;
 
@@ -120,24 +120,22 @@ impl LogReader {
     #[cfg(feature = "parquet")]
     pub fn from_table(table: crate::ingest::MemoryTable, setup: &Setup, mode: ReadMode) -> Result<Self> {
         let (name, hash) = (table.name.clone(), HashHandle::default());
-        let config = setup.stages().read;
-        let opened = crate::ingest::arrow::open_table(table, hash.clone(), &config, mode);
-        opened.and_then(|opened| Self::start(opened, &name, hash, &config, mode)).map_err(|e| e.file(name))
+        let opened = crate::ingest::arrow::open_table(table, hash.clone(), setup, mode);
+        opened.and_then(|opened| Self::start(opened, &name, hash, setup, mode)).map_err(|e| e.file(name))
     }
 
     fn from_source(source: Source, setup: &Setup, mode: ReadMode) -> Result<Self> {
         let (name, hash) = (source.name.clone(), source.hash.clone());
-        let config = setup.stages().read;
-        let opened = Format::of(&source.start).open(source, &config, Purpose::Rows(mode));
-        opened.and_then(|opened| Self::start(opened, &name, hash, &config, mode)).map_err(|e| e.file(name))
+        let opened = Format::of(&source.start).open(source, setup, Purpose::Rows(mode));
+        opened.and_then(|opened| Self::start(opened, &name, hash, setup, mode)).map_err(|e| e.file(name))
     }
 
-    fn start(opened: Opened, name: &str, hash: HashHandle, config: &ReadConfig, mode: ReadMode) -> Result<Self> {
+    fn start(opened: Opened, name: &str, hash: HashHandle, setup: &Setup, mode: ReadMode) -> Result<Self> {
         let Opened { feed, layout, delimiter, lines_before, assumed } = opened;
         let mut pieces = Pieces::new(feed, lines_before, mode != ReadMode::LineByLine);
-        let unit = angle_unit(&layout, config)?;
+        let unit = angle_unit(&layout, setup)?;
         let mut ahead = VecDeque::new();
-        let nominal_ns = nominal_interval(&mut pieces, &layout, config, mode, &mut ahead)?;
+        let nominal_ns = nominal_interval(&mut pieces, &layout, setup, mode, &mut ahead)?;
         let shape = LogShape {
             axes: layout.axes.iter().map(|(_, axis, _)| *axis).collect(),
             thermometers: layout.temperatures.iter().map(|(_, name, _)| name.clone()).collect(),
@@ -148,19 +146,20 @@ impl LogReader {
             has_reference: layout.reference.is_some(),
             ignored: layout.ignored.clone(),
         };
-        let check = RowValidator::new(name.to_owned(), &layout, config, nominal_ns);
+        let check = RowValidator::new(name.to_owned(), &layout, setup, nominal_ns);
         // For a pipe, no row was known when the interval was given.
-        let watched = mode == ReadMode::LineByLine && config.sample_interval_s.is_some();
+        let watched = mode == ReadMode::LineByLine && setup.sample_interval_s.is_some();
         let check = if watched { check.watching_interval() } else { check };
         let batch = Batch::for_shape(&shape);
-        let align = Aligner::new(ns_from_s(config.temperature_offset_s).unwrap_or(0));
+        let align = Aligner::new(ns_from_s(setup.temperature_offset_s).unwrap_or(0));
         let rows = RawRows::default();
         let column = layout.reference.map_or(TableColumn::Rate, |(_, column)| column);
         // Output that is written row by row must not wait for table marks; only fits and verifications need them.
         let column = if mode != ReadMode::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
         let table = TableRates::new(column);
         let sketch = Some(Sketch::new(shape.axes.clone()));
-        let counts_of_rows = layout.is_count_log() && config.counter == Counter::Incremental && !config.counter_stated;
+        let counts_of_rows =
+            layout.is_count_log() && setup.counter() == Counter::Incremental && setup.counter.is_none();
         let running_total = (counts_of_rows && !shape.has_reference).then(|| RunningTotal::new(shape.axes.len()));
         Ok(Self {
             pieces,
@@ -406,17 +405,17 @@ fn forget_impossible(reference_dps: &mut [f64]) {
     reference_dps.iter_mut().filter(|rate| rate.abs() > rows::MAX_RATE_DPS).for_each(|rate| *rate = f64::NAN);
 }
 
-fn angle_unit(layout: &Layout, config: &ReadConfig) -> Result<AngleUnit> {
+fn angle_unit(layout: &Layout, setup: &Setup) -> Result<AngleUnit> {
     if !layout.is_count_log() {
-        if config.counter == Counter::Cumulative {
+        if setup.counter() == Counter::Cumulative {
             return Err(Error::input("a cumulative counter is set up, but the log holds rates").column("counter"));
         }
         return Ok(AngleUnit::Arcsec);
     }
-    let arcsec_per_count = config.arcsec_per_count.ok_or_else(|| {
+    let arcsec_per_count = setup.arcsec_per_count.ok_or_else(|| {
         Error::input("the log holds counts, but the size of a count in arcsec is not given")
             .column("arcsec_per_count")
             .help("give --arcsec-per-count or arcsec_per_count in the setup; it is never guessed")
     })?;
-    Ok(AngleUnit::Quanta { arcsec_per_count, quantum: config.quantum.unwrap_or(1.0) })
+    Ok(AngleUnit::Quanta { arcsec_per_count, quantum: setup.quantum.unwrap_or(1.0) })
 }

@@ -15,7 +15,7 @@ use crate::ingest::columns::raw::RawRows;
 use crate::ingest::formats::Format;
 use crate::ingest::pieces::Pieces;
 use crate::ingest::text::head::{Head, delimiter_of, fit_to_rows, is_unit, refuse_binary, split};
-use crate::setup::ReadConfig;
+use crate::setup::Setup;
 use sagnac_units::s_from_ns;
 
 /// Lines that are looked at, and bytes of them.
@@ -97,18 +97,18 @@ pub fn sample_reader(name: &str, reader: Box<dyn Read + Send>) -> Result<Sample>
 }
 
 fn sampled(source: Source) -> Result<Sample> {
-    let config = ReadConfig::default();
+    let setup = Setup::default();
     if Format::of(&source.start).magic.is_empty() {
-        sampled_text(source, &config)
+        sampled_text(source, &setup)
     } else {
-        sampled_columns(source, &config)
+        sampled_columns(source, &setup)
     }
 }
 
 /// The first rows of a format of columns, as a text log would have them.
-fn sampled_columns(source: Source, config: &ReadConfig) -> Result<Sample> {
+fn sampled_columns(source: Source, setup: &Setup) -> Result<Sample> {
     let Opened { feed, layout, lines_before, assumed, .. } =
-        Format::of(&source.start).open(source, config, Purpose::Preview)?;
+        Format::of(&source.start).open(source, setup, Purpose::Preview)?;
     let mut pieces = Pieces::new(feed, lines_before, false);
     let mut columns: Vec<SampleColumn> =
         layout.headers.into_iter().map(|header| SampleColumn { header, unit: None, cells: Vec::new() }).collect();
@@ -123,9 +123,9 @@ fn sampled_columns(source: Source, config: &ReadConfig) -> Result<Sample> {
     Ok(Sample { header_line: lines_before, above: 0, columns, assumed })
 }
 
-fn sampled_text(mut source: Source, config: &ReadConfig) -> Result<Sample> {
+fn sampled_text(mut source: Source, setup: &Setup) -> Result<Sample> {
     refuse_binary(&mut source)?;
-    let mut head = Head::new(&mut source, config);
+    let mut head = Head::new(&mut source, setup);
     let (mut lines, mut separator, mut bytes) = (Vec::new(), None, 0);
     while let Some(line) = head.next()?.filter(|_| lines.len() < MOST_LINES && bytes < MOST_BYTES) {
         bytes += line.text.len();

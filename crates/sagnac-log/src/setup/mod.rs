@@ -4,8 +4,8 @@
 //! names it. Unknown keys are refused. `docs/reference/cli.md` has the table of keys.
 
 mod bench;
+mod defaults;
 mod input_rate;
-mod stages;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -14,8 +14,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use bench::{BenchSetup, LiveFormat, PollColumn, PollSetup, RegisterTable, RegisterType};
+pub use defaults::Clock;
 pub use input_rate::{Direction, Earth, PerAxis, input_rate_hint};
-pub use stages::{Clock, Identity, ModelConfig, ReadConfig, Stages, TargetConfig, TestConfig, WindowConfig};
 
 use crate::error::{Error, Result};
 use crate::memory::MemoryBudget;
@@ -156,11 +156,6 @@ fn default_stale_after() -> f64 {
 }
 
 impl ThermometerSetup {
-    /// The thermometer of this name; the defaults if the setup has none.
-    pub(crate) fn find(all: &[Self], name: &str) -> Self {
-        all.iter().find(|t| t.name == name).cloned().unwrap_or_else(|| Self::named(name))
-    }
-
     /// The defaults under a name.
     pub fn named(name: &str) -> Self {
         Self {
@@ -198,17 +193,16 @@ pub struct AuxSetup {
 }
 
 impl AuxSetup {
-    /// The column of this name; the defaults if the setup has none.
-    pub(crate) fn find(all: &[Self], name: &str) -> Self {
-        let known = all.iter().find(|aux| aux.name == name);
-        known.cloned().unwrap_or_else(|| Self {
+    /// The defaults under a name.
+    pub(crate) fn named(name: &str) -> Self {
+        Self {
             name: name.to_owned(),
             valid_range: None,
             stale_after_s: default_stale_after(),
             max_step: 0.0,
             offset: None,
             gain_per_code: None,
-        })
+        }
     }
 
     fn check(&self) -> Result<()> {

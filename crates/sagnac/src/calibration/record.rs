@@ -1,7 +1,7 @@
 //! The record of a unit: its axes, the quantity of its log, the timing of its target.
 
 use sagnac_log::error::{Error, Result};
-use sagnac_log::setup::{Setup, TargetConfig, WindowSize};
+use sagnac_log::setup::{Setup, WindowSize};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -95,8 +95,8 @@ const MAX_PERIOD_TICKS: u32 = 1 << 24;
 
 impl Target {
     /// As set up, checked against what the target can count.
-    pub(crate) fn from_config(config: TargetConfig) -> Result<Self> {
-        let TargetConfig { clock, slew_ticks, .. } = config;
+    pub(crate) fn of(setup: &Setup) -> Result<Self> {
+        let (clock, slew_ticks) = (setup.clock(), setup.slew_ticks);
         let (tick_ns, ticks) = (clock.tick_ns(), clock.period_ns()? / clock.tick_ns());
         let out_of_range = || {
             Error::input(format!("{ticks} ticks in a temperature period; the target counts to {MAX_PERIOD_TICKS}"))

@@ -49,8 +49,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
         Error::input("the arcsec of a count are not stated").column("arcsec_per_count").help("give --arcsec-per-count")
     })?;
     let span = Span::on_grid(lo_c, hi_c);
-    let stages = setup.stages();
-    let reference_c = stages.model.reference_c;
+    let reference_c = setup.reference_c();
     if !(lo_c..=hi_c).contains(&reference_c) {
         return Err(Error::refused(format!(
             "the reference temperature {reference_c} °C lies outside the span {lo_c} … {hi_c} °C"
@@ -63,13 +62,13 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
     let dph: Vec<f64> = ascending.iter().map(|c| c * dph_per_count).collect();
     let at_reference = dph.iter().rev().fold(0.0, |sum, c| sum * reference_c + c);
     let series = series_from_powers(span, &dph);
-    let input = Input::thermometer(stages.model.thermometer(""), span, reference_c);
+    let input = Input::thermometer(setup.thermometer(""), span, reference_c);
     let terms = (1..=order).map(|n| Term::given(Form::bias(n as u8), &input, series[n])).collect();
     let letter = setup.axis.unwrap_or('x');
     let axis = AxisCalibration {
         axis: letter,
         correction: AxisCorrection { model: format!("bias {order}"), inputs: vec![input], terms, warm_up: None },
-        run_offsets: vec![run_offset(at_reference, stages.test.input_rate_of(letter, 1))],
+        run_offsets: vec![run_offset(at_reference, setup.input_rate_of(letter, 1))],
         monomial: Some(Monomial {
             run: 0,
             unit: "counts per window".to_owned(),
@@ -87,7 +86,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
         minor_version: MINOR_VERSION,
         serial: setup.serial.clone().unwrap_or_else(|| UNASSIGNED.to_owned()),
         unit: LogUnit::Counts { arcsec_per_count, quantum: setup.quantum.unwrap_or(1.0) },
-        target: Target::from_config(stages.target)?,
+        target: Target::of(setup)?,
         window: WindowSize::Seconds(polynomial.window_s),
         window_s: polynomial.window_s,
         sample_interval_s: setup.sample_interval_s.unwrap_or(1.0),

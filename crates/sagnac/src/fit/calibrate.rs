@@ -13,7 +13,7 @@ use crate::rate_table::input::RateTableInput;
 use crate::window::{WindowShape, Windows};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::Reason;
-use sagnac_log::setup::{ModelConfig, PerAxis, Setup};
+use sagnac_log::setup::{PerAxis, Setup};
 use sagnac_units::s_from_ns;
 
 /// Fits every axis.
@@ -35,23 +35,22 @@ pub fn calibrate_with_report_data(
     options: &FitOptions,
 ) -> Result<(Calibration, ReportData)> {
     check_with_prior(options)?;
-    let mut stages = setup.stages();
-    let rates = PerAxis::of_log(stages.test.input_rate_dph.as_ref(), None, &windows.shape.axes);
-    stages.test.input_rate_dph = rates.map_err(|e| of_file(e, &windows))?;
-    let sensor = sensor_of(&windows.shape, &stages.model).map_err(|e| of_file(e, &windows))?;
-    check_aux(&windows.shape, &stages.model)?;
+    let rates = PerAxis::of_log(setup.input_rates_dph().as_ref(), None, &windows.shape.axes);
+    let stated = &Setup { input_rate_dph: rates.map_err(|e| of_file(e, &windows))?, earth: None, ..setup.clone() };
+    let sensor = sensor_of(&windows.shape, stated).map_err(|e| of_file(e, &windows))?;
+    check_aux(&windows.shape, stated)?;
     for i in 0..windows.len() {
         if windows.rows.mean_c[sensor][i].is_nan() {
             windows.exclude(i, Reason::NoTemperature);
         }
     }
     check_exclusions(&windows)?;
-    RateTableInput::leave_out_unknown(&mut windows, &stages.test)?;
+    RateTableInput::leave_out_unknown(&mut windows, stated)?;
     let runs = run_spans(&windows);
     let (mut axes, mut drawn) = (Vec::new(), Vec::new());
     for axis in 0..windows.shape.axes.len() {
         let (mut record, drawn_of) =
-            fit_axis(&windows, axis, sensor, &stages, options).map_err(|e| of_file(e, &windows))?;
+            fit_axis(&windows, axis, sensor, stated, options).map_err(|e| of_file(e, &windows))?;
         let constant = |i: usize| {
             let run = windows.rows.run[i];
             record.run_offsets.iter().find(|offset| offset.run == run).map_or(f64::NAN, |c| c.value_dph)
@@ -81,8 +80,8 @@ pub fn calibrate_with_report_data(
     }
     let report_data = ReportData { runs, timed: windows.shape.timed, axes: drawn };
     let shape = &windows.shape;
-    let target = Target::from_config(stages.target)?;
-    let unit = match count_of(&windows, &stages.target) {
+    let target = Target::of(stated)?;
+    let unit = match count_of(&windows, stated) {
         Some(unit) => unit,
         None => {
             let corrections: Vec<(char, &AxisCorrection)> = axes.iter().map(|a| (a.axis, &a.correction)).collect();
@@ -93,7 +92,7 @@ pub fn calibrate_with_report_data(
         format: FORMAT.to_owned(),
         version: VERSION,
         minor_version: MINOR_VERSION,
-        serial: stages.identity.serial.unwrap_or_else(|| UNASSIGNED.to_owned()),
+        serial: setup.serial.clone().unwrap_or_else(|| UNASSIGNED.to_owned()),
         unit,
         target,
         window: shape.window,
@@ -106,12 +105,12 @@ pub fn calibrate_with_report_data(
     Ok((calibration, report_data))
 }
 
-fn sensor_of(shape: &WindowShape, config: &ModelConfig) -> Result<usize> {
+fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
     if shape.thermometers.is_empty() {
         return Err(Error::refused("the log has no temperature, so it holds no drift over temperature")
             .help("name a column temperature_c, or map one under [columns]"));
     }
-    let Some(wanted) = &config.use_thermometer else {
+    let Some(wanted) = &setup.use_thermometer else {
         return Ok(0);
     };
     shape.thermometers.iter().position(|name| name == wanted).ok_or_else(|| {
@@ -123,8 +122,8 @@ fn sensor_of(shape: &WindowShape, config: &ModelConfig) -> Result<usize> {
 }
 
 /// Refuses a setup for a missing column, which would otherwise have no effect silently.
-fn check_aux(shape: &WindowShape, config: &ModelConfig) -> Result<()> {
-    config.aux.iter().find(|aux| !shape.aux.contains(&aux.name)).map_or(Ok(()), |stray| {
+fn check_aux(shape: &WindowShape, setup: &Setup) -> Result<()> {
+    setup.aux.iter().find(|aux| !shape.aux.contains(&aux.name)).map_or(Ok(()), |stray| {
         Err(Error::input("the log has no auxiliary column of this name")
             .column("aux.name")
             .value(&stray.name)

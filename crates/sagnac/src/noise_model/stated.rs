@@ -5,14 +5,14 @@
 use crate::calibration::NoiseFloor;
 use crate::noise_model::processes::SlowNoise;
 use crate::window::Windows;
-use sagnac_log::setup::TestConfig;
+use sagnac_log::setup::Setup;
 use sagnac_noise::NoiseTerms;
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
 /// N and Q of an axis: as given, otherwise measured; with their origin in words.
-pub(crate) fn noise_of(windows: &Windows, axis: usize, test: &TestConfig) -> Option<(NoiseTerms, &'static str)> {
+pub(crate) fn noise_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<(NoiseTerms, &'static str)> {
     windows.shape.window.seconds()?;
-    if let Some(given) = test.noise {
+    if let Some(given) = setup.noise {
         let n_arcsec_rt_s = given.n_deg_rt_h * ARCSEC_RT_S_PER_DEG_RT_H;
         return Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: given.q_arcsec }, "setup"));
     }
@@ -20,14 +20,14 @@ pub(crate) fn noise_of(windows: &Windows, axis: usize, test: &TestConfig) -> Opt
 }
 
 /// The noise floor of a nominal window.
-pub(crate) fn noise_floor_of(windows: &Windows, axis: usize, test: &TestConfig) -> Option<NoiseFloor> {
-    let (terms, source) = noise_of(windows, axis, test)?;
+pub(crate) fn noise_floor_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<NoiseFloor> {
+    let (terms, source) = noise_of(windows, axis, setup)?;
     let value_dph = Some(terms.floor_dph(windows.shape.nominal_s)).filter(|value| value.is_finite() && *value > 0.0)?;
     Some(NoiseFloor { value_dph, n_deg_rt_h: terms.n_deg_rt_h(), q_arcsec: terms.q_arcsec, source: source.to_owned() })
 }
 
 /// The slow noise that a setup states, and the white variance of a nominal window beside it, (°/h)².
-pub(crate) fn stated_noise(windows: &Windows, axis: usize, test: &TestConfig) -> Option<(SlowNoise, f64)> {
-    let white = noise_floor_of(windows, axis, test)?.value_dph.powi(2);
-    Some((SlowNoise::stated(test.noise?, white)?, white))
+pub(crate) fn stated_noise(windows: &Windows, axis: usize, setup: &Setup) -> Option<(SlowNoise, f64)> {
+    let white = noise_floor_of(windows, axis, setup)?.value_dph.powi(2);
+    Some((SlowNoise::stated(setup.noise?, white)?, white))
 }

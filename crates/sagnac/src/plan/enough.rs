@@ -136,7 +136,7 @@ pub fn enough(calibration: &Calibration, drawn: &ReportData, request: &EnoughReq
     if promise::judged(&request.limits).is_empty() {
         open.push("no limit is asked that a calibration test decides".to_owned());
     }
-    let window_s = calibration.setup.stages().window.window.seconds().unwrap_or(calibration.sample_interval_s);
+    let window_s = calibration.setup.window().seconds().unwrap_or(calibration.sample_interval_s);
     for axis in &calibration.axes {
         let points = drawn.axes.iter().find(|of| of.axis == axis.axis).map_or(&[][..], |of| &of.points);
         open.extend(misfit_of(axis, points, window_s, request));

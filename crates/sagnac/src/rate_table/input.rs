@@ -7,7 +7,7 @@
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::Reason;
-use sagnac_log::setup::{TableRun, TestConfig};
+use sagnac_log::setup::{Setup, TableRun};
 use sagnac_units::DPH_PER_DPS;
 
 /// Rates closer than this fraction of the largest are one rate; a rate below it is rest.
@@ -29,7 +29,7 @@ impl RateTableInput {
     ///
     /// # Errors
     /// A log of several axes without a statement of which one was turned.
-    pub(crate) fn of(windows: &Windows, axis: usize, test: &TestConfig) -> Result<Option<Self>> {
+    pub(crate) fn of(windows: &Windows, axis: usize, setup: &Setup) -> Result<Option<Self>> {
         let (rows, shape) = (&windows.rows, &windows.shape);
         let letter = shape.axes[axis];
         let mut letters = shape.axes.clone();
@@ -37,7 +37,7 @@ impl RateTableInput {
         letters.dedup();
         let turned_run = |run: usize| {
             let name = sagnac_units::format::file_name(windows.runs[run].file_at(windows.runs[run].start_ns));
-            let table = test.table_of(&name);
+            let table = setup.table_of(&name);
             let has_column =
                 (0..windows.len()).any(|i| rows.run[i] as usize == run && rows.reference_dps[i].is_finite());
             (name, table, has_column)
@@ -87,9 +87,9 @@ impl RateTableInput {
     ///
     /// # Errors
     /// As [`Self::of`].
-    pub(crate) fn leave_out_unknown(windows: &mut Windows, test: &TestConfig) -> Result<()> {
+    pub(crate) fn leave_out_unknown(windows: &mut Windows, setup: &Setup) -> Result<()> {
         for axis in 0..windows.shape.axes.len() {
-            let Some(turning) = Self::of(windows, axis, test)? else { return Ok(()) };
+            let Some(turning) = Self::of(windows, axis, setup)? else { return Ok(()) };
             for (i, (along, (_, across))) in turning.along_dph.iter().zip(&turning.across_dph).enumerate() {
                 if along.is_nan() || across.is_nan() {
                     windows.exclude(i, Reason::NoReference);

@@ -111,7 +111,7 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
     let main = main_thermometer(windows, setup);
     let coverage = main.and_then(|at| CoverageMap::of(windows, at));
     let span = main.and_then(|at| span_of(windows, at));
-    let reference_c = setup.stages().model.reference_c;
+    let reference_c = setup.reference_c();
     let outside = span.filter(|[lo, hi]| !(*lo..=*hi).contains(&reference_c));
     // Where the correction is zero is a choice: it does not make a log worse.
     let setup =
@@ -186,7 +186,7 @@ fn slow_readings(thermometer: &ThermometerSurvey, windows: &Windows) -> Option<S
 
 /// The means of the windows must cover the span that a fit needs: a spike is no temperature.
 fn covered(windows: &Windows, setup: &Setup, main: Option<usize>) -> Result<()> {
-    let least_c = setup.stages().model.min_span_c;
+    let least_c = setup.min_span_c();
     let used = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none());
     let means = main.map(|at| used.map(|i| windows.rows.mean_c[at][i]).filter(|c| c.is_finite()).collect::<Vec<f64>>());
     let (lo, hi) =

@@ -57,16 +57,16 @@ pub fn verify<'a>(
     let fits = |log: &LogReader| correction.fit_to(log.shape(), setup).map_err(|e| e.file(log.summary().file));
     let (_, readings) = fits(logs.first()?)?;
     let sensor = readings.thermometer;
-    let mut test = setup.stages().test;
     // What the setup of the retest does not state is as the calibration had it.
-    let of_calibration = correction.setup().stages().test.input_rate_dph;
+    let of_calibration = correction.setup().input_rates_dph();
     let letters = &logs.first()?.shape().axes;
-    test.input_rate_dph = PerAxis::of_log(test.input_rate_dph.as_ref(), of_calibration.as_ref(), letters)?;
+    let input_rate_dph = PerAxis::of_log(setup.input_rates_dph().as_ref(), of_calibration.as_ref(), letters)?;
+    let stated = &Setup { input_rate_dph, earth: None, ..setup.clone() };
     let mut whole = PairedWindows::replayed(correction, logs, setup)?;
-    whole.leave_out_unknown(&test)?;
+    whole.leave_out_unknown(stated)?;
     let kept = options.excludes().then(|| whole.excluding(options, setup.discard_initial_s));
     let pair = kept.as_ref().unwrap_or(&whole);
-    let against = Against { correction, test: &test, sensor };
+    let against = Against { correction, setup: stated, sensor };
     let (axes, report_data) = against.figures(&Retest {
         excluded_fraction: kept.as_ref().map(|kept| kept.excluded_fraction(&whole)),
         suspects_in: Some(&whole.raw),

@@ -12,7 +12,7 @@ use sagnac_log::ingest::{
     Batch, CounterEnd, LogReader, LogShape, LogSummary, Logs, Reason, Sketches, Tallies, same_shape,
 };
 use sagnac_log::memory::MemoryBudget;
-use sagnac_log::setup::{RunDivision, Setup, TableRun, WindowConfig, WindowSize};
+use sagnac_log::setup::{RunDivision, Setup, TableRun, WindowSize};
 use sagnac_noise::ShortTau;
 use sagnac_units::{ns_from_s, s_from_ns};
 
@@ -95,8 +95,8 @@ impl WindowBuilder {
     /// # Errors
     /// A temperature period that is no whole number of ticks.
     pub fn new(log: &LogShape, setup: &Setup) -> Result<Self> {
-        let WindowConfig { window, discard_initial_s, clock, runs: division, memory } = setup.stages().window;
-        let (tick_ns, period_ns) = (clock.tick_ns(), clock.period_ns()?);
+        let window = setup.window();
+        let (tick_ns, period_ns) = (setup.clock().tick_ns(), setup.clock().period_ns()?);
         let sample_interval_s = s_from_ns(log.nominal_ns);
         if let Some(seconds) = window.seconds()
             && log.timed
@@ -139,9 +139,9 @@ impl WindowBuilder {
             short_tau: vec![ShortTau::new(sample_interval_s, longest); log.axes.len()],
             window_ns: shape.window.seconds().map(window_ns),
             shape,
-            division,
+            division: setup.runs,
             tables: setup.tables.clone(),
-            discard_initial_ns: ns_from_s(discard_initial_s).unwrap_or(0),
+            discard_initial_ns: ns_from_s(setup.discard_initial_s).unwrap_or(0),
             tick_ns,
             rows,
             runs: Vec::new(),
@@ -151,7 +151,7 @@ impl WindowBuilder {
             table_spread_dps: Vec::new(),
             keep_outliers: false,
             status: vec![Vec::new(); log.axes.len()],
-            memory,
+            memory: setup.memory,
         })
     }
 

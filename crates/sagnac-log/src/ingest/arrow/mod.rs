@@ -19,14 +19,14 @@ use crate::ingest::arrow::columnar::Columnar;
 use crate::ingest::bytes::source::{HashHandle, Source};
 use crate::ingest::columns::feed::{Open, Opened, Purpose, ReadMode};
 use crate::ingest::columns::header::Layout;
-use crate::setup::ReadConfig;
+use crate::setup::Setup;
 
 pub(crate) const OPEN: Option<Open> = Some(open);
 
-fn open(source: Source, config: &ReadConfig, purpose: Purpose) -> Result<Opened> {
-    let columnar = columnar::open(source, config.memory)?;
+fn open(source: Source, setup: &Setup, purpose: Purpose) -> Result<Opened> {
+    let columnar = columnar::open(source, setup.memory)?;
     match purpose {
-        Purpose::Rows(mode) => opened(columnar, config, mode),
+        Purpose::Rows(mode) => opened(columnar, setup, mode),
         Purpose::Preview => {
             // Only a time of Arrow's own type has a role: so it becomes text as a date, or in seconds.
             let layout = Layout { headers: columnar.headers.clone(), time: columnar.own_time(), ..Layout::default() };
@@ -36,11 +36,11 @@ fn open(source: Source, config: &ReadConfig, purpose: Purpose) -> Result<Opened>
 }
 
 /// A table in memory.
-pub(crate) fn open_table(table: MemoryTable, hash: HashHandle, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
-    opened(columnar::of_table(table, hash, config.memory), config, mode)
+pub(crate) fn open_table(table: MemoryTable, hash: HashHandle, setup: &Setup, mode: ReadMode) -> Result<Opened> {
+    opened(columnar::of_table(table, hash, setup.memory), setup, mode)
 }
 
-fn opened(columnar: Columnar, config: &ReadConfig, mode: ReadMode) -> Result<Opened> {
-    let layout = Layout::new(columnar.headers.clone(), &config.columns, config.axis)?;
+fn opened(columnar: Columnar, setup: &Setup, mode: ReadMode) -> Result<Opened> {
+    let layout = Layout::new(columnar.headers.clone(), &setup.columns, setup.axis)?;
     Ok(Opened::new(Box::new(columnar.feed(&layout, mode)?), layout))
 }

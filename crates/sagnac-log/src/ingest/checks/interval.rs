@@ -7,7 +7,7 @@ use crate::ingest::columns::feed::ReadMode;
 use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::raw::{Faults, RawRows};
 use crate::ingest::pieces::Pieces;
-use crate::setup::ReadConfig;
+use crate::setup::Setup;
 use sagnac_units::format::significant;
 use sagnac_units::{NS_PER_S, ns_from_s, s_from_ns};
 
@@ -69,14 +69,14 @@ impl TimeSteps {
 pub(crate) fn nominal_interval(
     pieces: &mut Pieces,
     layout: &Layout,
-    config: &ReadConfig,
+    setup: &Setup,
     mode: ReadMode,
     ahead: &mut VecDeque<RawRows>,
 ) -> Result<i64> {
     let out_of_range = || Error::input("out of range").column("sample_interval_s");
-    let given = config.sample_interval_s.map(|s| ns_from_s(s).ok_or_else(out_of_range)).transpose()?;
+    let given = setup.sample_interval_s.map(|s| ns_from_s(s).ok_or_else(out_of_range)).transpose()?;
     if layout.time.is_none() {
-        return untimed(layout, config, given);
+        return untimed(layout, setup, given);
     }
     let live = mode == ReadMode::LineByLine;
     if let Some(given_ns) = given.filter(|_| live) {
@@ -94,8 +94,8 @@ pub(crate) fn nominal_interval(
 }
 
 /// A table without a time column.
-fn untimed(layout: &Layout, config: &ReadConfig, given: Option<i64>) -> Result<i64> {
-    if let Some(header) = layout.unread_time(&config.columns, given.is_none()) {
+fn untimed(layout: &Layout, setup: &Setup, given: Option<i64>) -> Result<i64> {
+    if let Some(header) = layout.unread_time(&setup.columns, given.is_none()) {
         return Err(Error::input("looks like a time, but its unit is not known")
             .column(header)
             .help("map it under [columns] to time_s, time_ms, time_us, time_ns, or time for dates of ISO 8601; or to \"ignore\""));

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::ingest::bytes::source::Source;
 use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::raw::RawRows;
-use crate::setup::ReadConfig;
+use crate::setup::Setup;
 
 /// Longest line of a log, and longest text of a field.
 pub(crate) const MAX_LINE_BYTES: usize = 1 << 20;
@@ -41,7 +41,7 @@ pub(crate) trait Parser: Send {
 }
 
 /// Reads the header of a log of one format.
-pub(crate) type Open = fn(Source, &ReadConfig, Purpose) -> Result<Opened>;
+pub(crate) type Open = fn(Source, &Setup, Purpose) -> Result<Opened>;
 
 /// Why a log is opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

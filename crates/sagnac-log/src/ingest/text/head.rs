@@ -19,7 +19,7 @@ use crate::ingest::bytes::source::Source;
 use crate::ingest::columns::feed::MAX_LINE_BYTES;
 use crate::ingest::columns::header::{self, COMPENSATED_STAMP, Role, role_of};
 use crate::ingest::columns::number::is_missing;
-use crate::setup::ReadConfig;
+use crate::setup::Setup;
 
 /// Most blank lines and comments above the headers.
 const MAX_LINES_ABOVE: u64 = 100_000;
@@ -57,9 +57,9 @@ pub(crate) struct HeadLine {
 }
 
 /// Reads the head of a text log.
-pub(crate) fn read_header(source: &mut Source, config: &ReadConfig) -> Result<TextHeader> {
+pub(crate) fn read_header(source: &mut Source, setup: &Setup) -> Result<TextHeader> {
     refuse_binary(source)?;
-    let mut head = Head::new(source, config);
+    let mut head = Head::new(source, setup);
     let (line, above) = head.header_line()?;
     let delimiter = head.separator.unwrap_or_else(|| delimiter_of(&line.text));
     let mut names = split(&line.text, delimiter).map_err(|e| e.line(line.number))?;
@@ -70,7 +70,7 @@ pub(crate) fn read_header(source: &mut Source, config: &ReadConfig) -> Result<Te
             .help(format!("put a line of headers above it; recognised: {}", header::RECOGNISED)));
     }
     let units = head.line_of_units(names.len(), delimiter)?;
-    let (headers, read_as) = with_units(names, units.as_deref(), config).map_err(|e| e.line(line.number + 1))?;
+    let (headers, read_as) = with_units(names, units.as_deref(), setup).map_err(|e| e.line(line.number + 1))?;
     let (is_latin, separator, lines) = (head.is_latin, head.separator, head.lines);
     let mut assumed = std::mem::take(&mut source.assumed);
     let mut say = |holds: bool, what: String| assumed.extend(holds.then_some(what));
@@ -102,15 +102,15 @@ pub(crate) fn refuse_binary(source: &mut Source) -> Result<()> {
 
 pub(crate) struct Head<'a> {
     source: &'a mut Source,
-    config: &'a ReadConfig,
+    setup: &'a Setup,
     lines: u64,
     is_latin: bool,
     separator: Option<u8>,
 }
 
 impl<'a> Head<'a> {
-    pub(crate) fn new(source: &'a mut Source, config: &'a ReadConfig) -> Self {
-        Self { source, config, lines: 0, is_latin: false, separator: None }
+    pub(crate) fn new(source: &'a mut Source, setup: &'a Setup) -> Self {
+        Self { source, setup, lines: 0, is_latin: false, separator: None }
     }
 }
 
@@ -191,7 +191,7 @@ impl Head<'_> {
 
     /// Whether a line names counts or rates.
     fn has_an_axis(&self, text: &str) -> bool {
-        names_an_axis(text, self.separator.unwrap_or_else(|| delimiter_of(text)), self.config)
+        names_an_axis(text, self.separator.unwrap_or_else(|| delimiter_of(text)), self.setup)
     }
 
     /// Whether the next line is a row or a line of units: it has a digit, a missing value or a unit. The end of the file is a table without rows.
@@ -269,10 +269,10 @@ pub(crate) fn fit_to_rows(names: &mut Vec<String>, rows: &[Vec<String>]) {
 }
 
 /// Whether a line names counts or rates.
-fn names_an_axis(text: &str, delimiter: u8, config: &ReadConfig) -> bool {
+fn names_an_axis(text: &str, delimiter: u8, setup: &Setup) -> bool {
     let Ok(names) = split(text, delimiter) else { return false };
     names.iter().any(|name| {
-        let known = config.columns.get(name).cloned().or_else(|| bracketed(name)).unwrap_or_else(|| name.clone());
+        let known = setup.columns.get(name).cloned().or_else(|| bracketed(name)).unwrap_or_else(|| name.clone());
         // A wrong unit is a mistake in a line of headers, and is reported as one.
         let word = known.to_ascii_lowercase();
         let axis = matches!(role_of(&known), Ok(Role::Counts { .. } | Role::Rate { .. }));
@@ -289,12 +289,12 @@ pub(crate) fn text_of(line: &[u8]) -> Cow<'_, str> {
 }
 
 /// The headers of a line and what separates them; `None` for a line that names no counts and no rates.
-pub(crate) fn headers_of(line: &str, config: &ReadConfig) -> Result<Option<(Vec<String>, u8)>> {
+pub(crate) fn headers_of(line: &str, setup: &Setup) -> Result<Option<(Vec<String>, u8)>> {
     let delimiter = delimiter_of(line);
-    if !names_an_axis(line, delimiter, config) {
+    if !names_an_axis(line, delimiter, setup) {
         return Ok(None);
     }
-    let (headers, _) = with_units(split(line, delimiter)?, None, config)?;
+    let (headers, _) = with_units(split(line, delimiter)?, None, setup)?;
     Ok(Some((headers, delimiter)))
 }
 
@@ -387,10 +387,10 @@ fn refuse_other_unit(name: &str, unit: &str) -> Result<()> {
 }
 
 /// Headers with the units of their brackets, or of the line below; and what was renamed. What the setup maps, and what is known already, stays.
-fn with_units(names: Vec<String>, units: Option<&[String]>, config: &ReadConfig) -> Result<(Vec<String>, Vec<String>)> {
+fn with_units(names: Vec<String>, units: Option<&[String]>, setup: &Setup) -> Result<(Vec<String>, Vec<String>)> {
     let mut said = Vec::new();
     let one = |(at, name): (usize, String)| {
-        if config.columns.contains_key(&name) {
+        if setup.columns.contains_key(&name) {
             return Ok(name);
         }
         let below = units.and_then(|units| units.get(at));

@@ -6,7 +6,7 @@
 use crate::error::Result;
 use crate::ingest::columns::header::Layout;
 use crate::ingest::text::head::{headers_of, text_of};
-use crate::setup::ReadConfig;
+use crate::setup::Setup;
 
 /// The columns of a live source.
 #[derive(Clone, Debug, PartialEq)]
@@ -23,12 +23,12 @@ impl LiveHeader {
     ///
     /// # Errors
     /// Headers that contradict each other or the setup.
-    pub fn of_line(line: &[u8], more: &[String], config: &ReadConfig) -> Result<Option<Self>> {
+    pub fn of_line(line: &[u8], more: &[String], setup: &Setup) -> Result<Option<Self>> {
         let text = text_of(line);
         let line = text.trim_start_matches('\u{feff}').trim();
-        let Some((mut headers, delimiter)) = headers_of(line, config)? else { return Ok(None) };
+        let Some((mut headers, delimiter)) = headers_of(line, setup)? else { return Ok(None) };
         headers.extend(more.iter().cloned());
-        Ok(Some(Self { layout: Layout::new(headers, &config.columns, config.axis)?, delimiter }))
+        Ok(Some(Self { layout: Layout::new(headers, &setup.columns, setup.axis)?, delimiter }))
     }
 
     /// Decimal commas are understood where no comma separates fields.

@@ -12,14 +12,14 @@ use crate::ingest::columns::feed::{Open, Opened, Purpose};
 use crate::ingest::columns::header::Layout;
 use crate::ingest::text::head::TextHeader;
 use crate::ingest::text::lines::TextFeed;
-use crate::setup::ReadConfig;
+use crate::setup::Setup;
 
 pub(crate) const OPEN: Option<Open> = Some(open);
 
 /// Headers must be known ones, whatever the purpose: a preview searches for others itself.
-fn open(mut source: Source, config: &ReadConfig, purpose: Purpose) -> Result<Opened> {
-    let TextHeader { headers, delimiter, lines, line, assumed } = head::read_header(&mut source, config)?;
-    let layout = Layout::new(headers, &config.columns, config.axis).map_err(|e| e.line(line))?;
+fn open(mut source: Source, setup: &Setup, purpose: Purpose) -> Result<Opened> {
+    let TextHeader { headers, delimiter, lines, line, assumed } = head::read_header(&mut source, setup)?;
+    let layout = Layout::new(headers, &setup.columns, setup.axis).map_err(|e| e.line(line))?;
     let feed = Box::new(TextFeed::new(source.reader, &layout, delimiter, purpose.mode()));
     Ok(Opened { delimiter, lines_before: lines, assumed, ..Opened::new(feed, layout) })
 }

@@ -32,7 +32,7 @@ use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows, Slot};
 use crate::ingest::ulog::messages::{Message, Messages, Next, appended_offsets};
 use crate::ingest::ulog::topics::{Known, TEMPERATURE, TopicUse};
-use crate::setup::ReadConfig;
+use crate::setup::Setup;
 
 /// Rows per piece.
 const BATCH_ROWS: usize = 4096;
@@ -45,8 +45,8 @@ pub(crate) const OPEN: Option<Open> = Some(open);
 ///
 /// # Errors
 /// No ULog file, no message of a gyro, columns that the setup contradicts.
-fn open(source: Source, config: &ReadConfig, purpose: Purpose) -> Result<Opened> {
-    let instance = config.instance.unwrap_or(0);
+fn open(source: Source, setup: &Setup, purpose: Purpose) -> Result<Opened> {
+    let instance = setup.instance.unwrap_or(0);
     let mut start = Start::read(source.reader, instance, &BTreeSet::new())?;
     if start.first.is_none() {
         let silent = start.known.silent(instance, &start.heard);
@@ -59,7 +59,7 @@ fn open(source: Source, config: &ReadConfig, purpose: Purpose) -> Result<Opened>
     let Start { messages, header, known, early, first, .. } = start;
     let Some((first, gyro)) = first else { return Err(no_gyro(&known, instance)) };
     let (headers, topics) = columns(&known, gyro);
-    let layout = Layout::new(headers, &config.columns, config.axis)?;
+    let layout = Layout::new(headers, &setup.columns, setup.axis)?;
     let table = Table {
         slots: Slot::of_columns(&layout),
         layout: layout.clone(),

@@ -8,7 +8,7 @@ use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::rows::TermColumn;
 use crate::model::input::{SampledInput, Signal, channels};
 use crate::window::{WindowShape, Windows};
-use sagnac_log::setup::ModelConfig;
+use sagnac_log::setup::Setup;
 
 /// Inputs that the target must read; without `parts`, what each of them makes is not known.
 pub(crate) fn recorded_inputs(
@@ -16,7 +16,7 @@ pub(crate) fn recorded_inputs(
     parts: Option<&Parts<'_>>,
     problem: &LeastSquares<'_>,
     windows: &Windows,
-    config: &ModelConfig,
+    setup: &Setup,
     sensor: usize,
 ) -> Vec<Input> {
     // An input without terms is not read.
@@ -32,9 +32,9 @@ pub(crate) fn recorded_inputs(
     let of = |signal: Signal| {
         let own = problem.inputs.iter().position(|input| input.signal == signal);
         // A thermometer that only a difference needs has no terms, but it has a span.
-        let bare = own.is_none().then(|| SampledInput::new(signal, windows, &problem.used, config.reference_c));
+        let bare = own.is_none().then(|| SampledInput::new(signal, windows, &problem.used, setup.reference_c()));
         let sampled = own.map(|at| &problem.inputs[at]).or(bare.as_ref())?;
-        let input = as_set_up(sampled, &windows.shape, config);
+        let input = as_set_up(sampled, &windows.shape, setup);
         Some(match own {
             Some(at) => fitted_with(at, input),
             None => Input { rms_dph: parts.map(|_| 0.0), ..input },
@@ -42,7 +42,7 @@ pub(crate) fn recorded_inputs(
     };
     let slow = (0..problem.inputs.len()).filter(has_terms).filter_map(|at| {
         let repeated = &problem.inputs[problem.inputs[at].repeats?];
-        let input = as_set_up(repeated, &windows.shape, config).repeat(problem.inputs[at].name.clone());
+        let input = as_set_up(repeated, &windows.shape, setup).repeat(problem.inputs[at].name.clone());
         Some(fitted_with(at, input))
     });
     channels(Signal::Thermometer(sensor), &named).into_iter().filter_map(of).chain(slow).collect()
@@ -72,14 +72,14 @@ pub(crate) fn terms(fitted: &Fitted, problem: &LeastSquares<'_>, inputs: &[Input
     fitted.terms.iter().enumerate().map(of).collect()
 }
 
-fn as_set_up(sampled: &SampledInput, shape: &WindowShape, config: &ModelConfig) -> Input {
+fn as_set_up(sampled: &SampledInput, shape: &WindowShape, setup: &Setup) -> Input {
     let (span, reference, name) = (sampled.span, sampled.reference, sampled.name.clone());
-    let thermometer = |at: usize| config.thermometer(shape.thermometers.get(at).map_or("", String::as_str));
+    let thermometer = |at: usize| setup.thermometer(shape.thermometers.get(at).map_or("", String::as_str));
     match sampled.signal {
         Signal::Thermometer(at) => Input::thermometer(thermometer(at), span, reference),
         Signal::Difference { of, less } => Input::difference(name, [of, less].map(thermometer), span, reference),
         Signal::Column(at) => {
-            let column = config.aux(shape.aux.get(at).map_or("", String::as_str));
+            let column = setup.aux(shape.aux.get(at).map_or("", String::as_str));
             Input::column(name, column, span, reference)
         }
     }

@@ -36,16 +36,16 @@ use crate::rate_table::input::RateTableInput;
 use crate::window::Windows;
 use sagnac_log::error::Result;
 use sagnac_log::ingest::AngleUnit;
-use sagnac_log::setup::{ModelConfig, Stages, TargetConfig};
+use sagnac_log::setup::Setup;
 
 /// Windows of a leg that make a mean.
 const LEAST_OF_LEG: usize = 10;
 
 /// Size of a count of the log; `None` for a rate log whose counts follow its correction.
-pub(crate) fn count_of(windows: &Windows, config: &TargetConfig) -> Option<LogUnit> {
+pub(crate) fn count_of(windows: &Windows, setup: &Setup) -> Option<LogUnit> {
     match windows.shape.unit {
         AngleUnit::Quanta { arcsec_per_count, quantum } => Some(LogUnit::Counts { arcsec_per_count, quantum }),
-        AngleUnit::Arcsec => config.rate_lsb_arcsec.map(|lsb_arcsec| LogUnit::Rates { lsb_arcsec }),
+        AngleUnit::Arcsec => setup.rate_lsb_arcsec.map(|lsb_arcsec| LogUnit::Rates { lsb_arcsec }),
     }
 }
 
@@ -54,43 +54,43 @@ pub(crate) fn fit_axis(
     windows: &Windows,
     axis: usize,
     sensor: usize,
-    stages: &Stages,
+    setup: &Setup,
     options: &FitOptions,
 ) -> Result<(AxisCalibration, Drawn)> {
     let letter = windows.shape.axes[axis];
-    let ModelConfig { reference_c, min_span_c, .. } = stages.model;
-    let turning = RateTableInput::of(windows, axis, &stages.test)?;
+    let reference_c = setup.reference_c();
+    let turning = RateTableInput::of(windows, axis, setup)?;
     if let Some(turning) = &turning {
-        turning.check_scale(windows, axis, stages.test.scale_factor_deviation_max_ppm)?;
+        turning.check_scale(windows, axis, setup.scale_factor_deviation_max_ppm())?;
     }
     let axis_of = Axis {
         windows,
         index: axis,
         reference_c,
-        min_span_c,
+        min_span_c: setup.min_span_c(),
         turning,
         prior: options.prior.as_ref(),
         progress: options.progress.of_axis(letter),
         common: CommonRates::default(),
     };
     let holder = Holder {
-        unit: count_of(windows, &stages.target),
-        target: Target::from_config(stages.target)?,
-        most_instructions: stages.target.slow_update_instructions_max,
+        unit: count_of(windows, setup),
+        target: Target::of(setup)?,
+        most_instructions: setup.slow_update_instructions_max,
     };
     let corrects_warm_up = options.corrects_warm_up;
-    let image = ImageCheck { windows, config: &stages.model, sensor, axis: letter, holder, corrects_warm_up };
+    let image = ImageCheck { windows, setup, sensor, axis: letter, holder, corrects_warm_up };
     let main = Signal::Thermometer(sensor);
-    let noise_floor = noise_floor_of(windows, axis, &stages.test);
+    let noise_floor = noise_floor_of(windows, axis, setup);
     let raw_n = noise_floor.as_ref().map(|floor| floor.n_deg_rt_h);
-    let stated = stated_noise(windows, axis, &stages.test);
+    let stated = stated_noise(windows, axis, setup);
     let one = one_fit(&axis_of, main, image, &options.model, raw_n, stated)?;
     let OneFit { selected, fitted, noise, .. } = &one;
     let problem = &selected.problem;
     let Estimate { best, mixed } = noise.estimate;
     let white_variance = |slow| noise.white_variance(problem, fitted, slow);
     let parts = Parts::new(fitted, problem);
-    let inputs = recorded_inputs(fitted, Some(&parts), problem, windows, &stages.model, sensor);
+    let inputs = recorded_inputs(fitted, Some(&parts), problem, windows, setup, sensor);
     let terms = terms(fitted, problem, &inputs);
     check_scale(&terms, letter)?;
     let drawn = Drawn::of(fitted, problem, &parts);
@@ -129,7 +129,7 @@ pub(crate) fn fit_axis(
     let record = AxisCalibration {
         axis: letter,
         correction: AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up },
-        run_offsets: run_offsets(fitted, problem, stages.test.input_rate_of(letter, windows.shape.axes.len())),
+        run_offsets: run_offsets(fitted, problem, setup.input_rate_of(letter, windows.shape.axes.len())),
         monomial,
         zones,
         fit: Some(diagnostics),

@@ -11,7 +11,7 @@ use crate::model::spec::ModelSpec;
 use crate::rate_table::input::SAME_RATE;
 use crate::window::{WindowShape, Windows};
 use sagnac_log::error::{Error, Result};
-use sagnac_log::setup::ModelConfig;
+use sagnac_log::setup::Setup;
 
 /// The inputs that a model names, the thermometer of the fit first; their names as the log has them.
 pub(crate) fn sources_of(spec: &mut ModelSpec, main: Signal, shape: &WindowShape) -> Result<Vec<Signal>> {
@@ -114,11 +114,11 @@ fn find_input(name: &str, main: Signal, shape: &WindowShape) -> Result<Signal> {
 pub(crate) fn candidate_inputs(
     windows: &Windows,
     main: Signal,
-    config: &ModelConfig,
+    setup: &Setup,
     used: &[usize],
 ) -> Result<(Vec<Signal>, Vec<RejectedInput>)> {
     let shape = &windows.shape;
-    if let Some(names) = &config.inputs {
+    if let Some(names) = &setup.inputs {
         let found = names.iter().map(|name| find_input(name, main, shape).map_err(|e| e.column("inputs")));
         return Ok((found.collect::<Result<_>>()?, Vec::new()));
     }

@@ -35,8 +35,7 @@ fn with_or_without_time<'a>(axis: &Axis<'a>, main: Signal, image: ImageCheck<'a>
     let nuisance = justified(&grid, &specs, &taus_s);
     let with_time = searched(axis, main, image, &nuisance, false)?;
     let corrected = image.corrects_warm_up && nuisance.iter().any(|level| level.warm_up_s().is_some());
-    if nuisance.is_empty() || corrected || candidate_inputs(axis.windows, main, image.config, &grid.used)?.0.is_empty()
-    {
+    if nuisance.is_empty() || corrected || candidate_inputs(axis.windows, main, image.setup, &grid.used)?.0.is_empty() {
         return Ok(with_time);
     }
     // An input that follows what this fit puts down to time can be corrected, time cannot. No rate term may take the
@@ -62,9 +61,9 @@ fn searched<'a>(
     let grid = make(&[main])?;
     let taus_s = grid.tau_grid();
     let best = best_of_grid(&grid, affordable(&grid)?, &taus_s, &image)?;
-    let config = image.config;
-    let (further, mut aside) = candidate_inputs(axis.windows, main, config, &grid.used)?;
-    let all = known_together(main, further, config.inputs.is_some(), grid, &make, &mut aside)?;
+    let setup = image.setup;
+    let (further, mut aside) = candidate_inputs(axis.windows, main, setup, &grid.used)?;
+    let all = known_together(main, further, setup.inputs.is_some(), grid, &make, &mut aside)?;
     let walked = walk(&all, &best.spec, &taus_s, &image);
     let Best { spec, mean_square, candidates, specs, not_held } = best;
     let selected = |problem, spec, mean_square, path| Selected {

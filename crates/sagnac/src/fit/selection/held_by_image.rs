@@ -8,13 +8,13 @@ use crate::fit::problem::least_squares::LeastSquares;
 use crate::image::Holder;
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::setup::ModelConfig;
+use sagnac_log::setup::Setup;
 
 /// Asks the code that writes images whether one can hold a fitted model.
 #[derive(Clone, Copy)]
 pub(crate) struct ImageCheck<'a> {
     pub(crate) windows: &'a Windows,
-    pub(crate) config: &'a ModelConfig,
+    pub(crate) setup: &'a Setup,
     /// Thermometer of the fit.
     pub(crate) sensor: usize,
     pub(crate) axis: char,
@@ -27,7 +27,7 @@ impl ImageCheck<'_> {
     /// # Errors
     /// What does not fit, as a refusal of the model.
     pub(crate) fn check(&self, fitted: &Fitted, problem: &LeastSquares<'_>) -> Result<()> {
-        let inputs = recorded_inputs(fitted, None, problem, self.windows, self.config, self.sensor);
+        let inputs = recorded_inputs(fitted, None, problem, self.windows, self.setup, self.sensor);
         let terms = terms(fitted, problem, &inputs);
         let warm_up = self.corrects_warm_up.then(|| warm_up_value(problem, fitted)).flatten();
         let correction = AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up };

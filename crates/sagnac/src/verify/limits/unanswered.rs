@@ -30,16 +30,15 @@ pub struct Unanswered {
 /// # Errors
 /// Too few windows for any figure.
 pub fn unanswered(windows: &Windows, correction: &Correction, setup: &Setup) -> Result<Vec<(char, Vec<Unanswered>)>> {
-    let test = setup.stages().test;
     let mut pair = PairedWindows {
         raw: windows.clone(),
         corrected: windows.clone(),
         status: vec![vec![Status::OK; windows.len()]; windows.shape.axes.len()],
     };
-    pair.leave_out_unknown(&test)?;
+    pair.leave_out_unknown(setup)?;
     let name = correction.calibration.as_ref().and_then(|calibration| calibration.thermometer_name());
     let sensor = name.and_then(|name| windows.shape.thermometers.iter().position(|other| other == name));
-    let (axes, _) = Against { correction, test: &test, sensor }.figures(&Retest::all(&pair))?;
+    let (axes, _) = Against { correction, setup, sensor }.figures(&Retest::all(&pair))?;
     Ok(axes.iter().map(|axis| (axis.axis, of_axis(axis))).collect())
 }
 

@@ -14,7 +14,7 @@ use crate::window::{SeenLogs, WindowBuilder, Windows, mark_outliers};
 use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Batch, LogShape, Logs, Reason, same_shape};
-use sagnac_log::setup::{Setup, TestConfig};
+use sagnac_log::setup::Setup;
 use sagnac_units::ns_from_s;
 
 use crate::rate_table::input::RateTableInput;
@@ -73,8 +73,8 @@ impl PairedWindows {
     ///
     /// # Errors
     /// As [`RateTableInput::of`].
-    pub(crate) fn leave_out_unknown(&mut self, test: &TestConfig) -> Result<()> {
-        RateTableInput::leave_out_unknown(&mut self.raw, test)?;
+    pub(crate) fn leave_out_unknown(&mut self, setup: &Setup) -> Result<()> {
+        RateTableInput::leave_out_unknown(&mut self.raw, setup)?;
         self.corrected.exclude_as(&self.raw);
         Ok(())
     }

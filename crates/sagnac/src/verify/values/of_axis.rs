@@ -31,14 +31,14 @@ use crate::verify::values::suspects::suspects;
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, Reason};
-use sagnac_log::setup::TestConfig;
+use sagnac_log::setup::Setup;
 use sagnac_noise::NoiseTerms;
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
 /// What a retest is compared with.
 pub(crate) struct Against<'a> {
     pub(crate) correction: &'a Correction,
-    pub(crate) test: &'a TestConfig,
+    pub(crate) setup: &'a Setup,
     /// Thermometer of the fit.
     pub(crate) sensor: Option<usize>,
 }
@@ -72,14 +72,14 @@ struct Prepared<'a> {
 }
 
 impl<'a> Prepared<'a> {
-    fn of(retest: &'a Retest<'a>, test: &'a TestConfig, sensor: Option<usize>) -> Result<Self> {
+    fn of(retest: &'a Retest<'a>, setup: &'a Setup, sensor: Option<usize>) -> Result<Self> {
         let pair = retest.pair;
         let used = pair.used();
         // Short windows alone say nothing of a floor, a plateau or a status.
         if used.is_empty() {
             return Err(too_few(&used));
         }
-        let drifts = PairedDrifts::of(pair, &used, test, sensor)?;
+        let drifts = PairedDrifts::of(pair, &used, setup, sensor)?;
         let runs = run_spans(&pair.raw);
         let about_common_mean = offsets_hide_drift(&points(&pair.raw, &runs, sensor, |_| 0.0, |_| 0.0));
         let report_data = report_data(pair, &drifts, &used, runs, about_common_mean, sensor);
@@ -147,12 +147,12 @@ impl Against<'_> {
         let in_span = self.image(letter).zip(self.sensor);
         let (before, after) = prepared.before_after(axis)?;
         let ratio = |before: f64, after: f64| (after > 0.0).then_some(before / after);
-        let noise_floor = noise_floor(windows, used, axis, self.correction, self.test, prepared.dph_per_unit());
+        let noise_floor = noise_floor(windows, used, axis, self.correction, self.setup, prepared.dph_per_unit());
         let floor_dph = noise_floor.as_ref().map(|floor| floor.value_dph);
         let points = &report_data.axes[axis].points;
         let noise = ResidualNoise::of(&judged_windows::judged(points), *about_common_mean);
         let scale_factor = drifts.scale_proof(used, axis, self.sensor);
-        let bias = BiasRepeatability::of(drifts, windows, used, axis, record, self.test);
+        let bias = BiasRepeatability::of(drifts, windows, used, axis, record, self.setup);
         Ok(AxisVerification {
             axis: letter,
             before,
@@ -188,7 +188,7 @@ impl Against<'_> {
 
     /// Figures of every axis over the used windows, and the points behind them.
     pub(crate) fn figures(&self, retest: &Retest<'_>) -> Result<(Vec<AxisVerification>, ReportData)> {
-        let prepared = Prepared::of(retest, self.test, self.sensor)?;
+        let prepared = Prepared::of(retest, self.setup, self.sensor)?;
         let axes = (0..retest.pair.raw.shape.axes.len()).map(|axis| self.axis_figures(&prepared, axis));
         Ok((axes.collect::<Result<_>>()?, prepared.report_data))
     }
@@ -313,7 +313,7 @@ fn noise_floor(
     used: &[usize],
     axis: usize,
     correction: &Correction,
-    test: &TestConfig,
+    setup: &Setup,
     dph_per_unit: f64,
 ) -> Option<RetestNoiseFloor> {
     let letter = windows.shape.axes[axis];
@@ -324,8 +324,8 @@ fn noise_floor(
         windows.shape.window.seconds()?;
         Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: known.q_arcsec }, format!("calibration ({})", known.source)))
     };
-    let own = noise_of(windows, axis, test).map(|(terms, source)| (terms, source.to_owned()));
-    let shown = test.noise.and_then(|_| windows.measured_noise(axis)).filter(|terms| terms.n_arcsec_rt_s > 0.0);
+    let own = noise_of(windows, axis, setup).map(|(terms, source)| (terms, source.to_owned()));
+    let shown = setup.noise.and_then(|_| windows.measured_noise(axis)).filter(|terms| terms.n_arcsec_rt_s > 0.0);
     let floor_dph = |terms: &NoiseTerms| terms.floor_dph(windows.shape.nominal_s);
     let own = match (own, shown) {
         (Some((stated, _)), Some(shown)) if floor_dph(&shown) < floor_dph(&stated) => {

@@ -19,7 +19,7 @@ use crate::rate_table::plateaus::{level_stretches, plateaus_of};
 use crate::verify::replay::paired::PairedWindows;
 use crate::window::Windows;
 use sagnac_log::error::Result;
-use sagnac_log::setup::TestConfig;
+use sagnac_log::setup::Setup;
 
 /// Scale factor over the plateaus of a retest, ppm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -122,16 +122,11 @@ impl<'a> PairedDrifts<'a> {
     ///
     /// # Errors
     /// As [`RateTableInput::of`].
-    pub(crate) fn of(
-        pair: &'a PairedWindows,
-        used: &[usize],
-        test: &TestConfig,
-        sensor: Option<usize>,
-    ) -> Result<Self> {
-        let side = |windows| Drifts::of(windows, used, test, sensor);
+    pub(crate) fn of(pair: &'a PairedWindows, used: &[usize], setup: &Setup, sensor: Option<usize>) -> Result<Self> {
+        let side = |windows| Drifts::of(windows, used, setup, sensor);
         let (raw, corrected) = (side(&pair.raw)?, side(&pair.corrected)?);
         for (axis, turning) in raw.turnings.iter().enumerate() {
-            turning.check_scale(&pair.raw, axis, test.scale_factor_deviation_max_ppm)?;
+            turning.check_scale(&pair.raw, axis, setup.scale_factor_deviation_max_ppm())?;
         }
         Ok(Self { raw, corrected })
     }
@@ -200,10 +195,10 @@ pub(crate) struct Drifts<'a> {
 }
 
 impl<'a> Drifts<'a> {
-    fn of(windows: &'a Windows, used: &[usize], test: &TestConfig, sensor: Option<usize>) -> Result<Self> {
+    fn of(windows: &'a Windows, used: &[usize], setup: &Setup, sensor: Option<usize>) -> Result<Self> {
         let (mut drift_dph, mut turnings, mut stated) = (Vec::new(), Vec::new(), Vec::new());
         for axis in 0..windows.shape.axes.len() {
-            let Some(turning) = RateTableInput::of(windows, axis, test)? else { continue };
+            let Some(turning) = RateTableInput::of(windows, axis, setup)? else { continue };
             let mut drift: Vec<f64> =
                 (0..windows.len()).map(|i| windows.rate_dph(axis, i) - turning.along_dph[i]).collect();
             for run in 0..windows.runs.len() {
@@ -215,7 +210,7 @@ impl<'a> Drifts<'a> {
             }
             drift_dph.push(drift);
             turnings.push(turning);
-            stated.push(stated_noise(windows, axis, test));
+            stated.push(stated_noise(windows, axis, setup));
         }
         Ok(Self { windows, drift_dph, turnings, stated })
     }

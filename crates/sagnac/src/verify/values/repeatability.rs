@@ -21,7 +21,7 @@ use crate::calibration::{AxisCalibration, PpmEstimate};
 use crate::verify::values::judged_windows::Estimate;
 use crate::verify::values::rate_table::{PairedDrifts, ScaleProof};
 use crate::window::Windows;
-use sagnac_log::setup::{TestConfig, input_rate_hint};
+use sagnac_log::setup::{Setup, input_rate_hint};
 
 /// Stretches of a run whose means scatter.
 const STRETCHES: usize = 8;
@@ -111,11 +111,11 @@ impl BiasRepeatability {
         used: &[usize],
         axis: usize,
         record: Option<&AxisCalibration>,
-        test: &TestConfig,
+        setup: &Setup,
     ) -> Result<Self, String> {
         let record = record.ok_or("an image alone does not state the bias of the calibration")?;
         let (letter, axes) = (windows.shape.axes[axis], windows.shape.axes.len());
-        let input_dph = test
+        let input_dph = setup
             .input_rate_of(letter, axes)
             .ok_or_else(|| format!("the input rate is not known: {}", input_rate_hint(letter, axes)))?;
         let calibration_dph = of_record(record).ok_or("the calibration did not know its input rate")?;

@@ -17,7 +17,7 @@ use crate::ingest::checks::thermometer::ThermometerCheck;
 use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::log_shape::intervals_of;
 use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, RawRows};
-use crate::setup::{Counter, ReadConfig};
+use crate::setup::{Counter, Setup};
 use sagnac_units::s_from_ns;
 
 /// Valid range of an auxiliary column without a setting.
@@ -116,24 +116,24 @@ pub(crate) struct RowValidator {
 }
 
 impl RowValidator {
-    pub(crate) fn new(file: String, layout: &Layout, config: &ReadConfig, nominal_ns: i64) -> Self {
+    pub(crate) fn new(file: String, layout: &Layout, setup: &Setup, nominal_ns: i64) -> Self {
         let thermometers =
-            layout.temperatures.iter().map(|(_, name, _)| ThermometerCheck::new(config.thermometer(name)));
+            layout.temperatures.iter().map(|(_, name, _)| ThermometerCheck::new(setup.thermometer(name)));
         Self {
             file,
             timed: layout.time.is_some(),
             whole_rows: layout.temperatures.len() <= usize::from(layout.time.is_some())
-                && (config.counter == Counter::Incremental || !layout.is_count_log()),
+                && (setup.counter() == Counter::Incremental || !layout.is_count_log()),
             nominal_ns,
-            counter: config.counter,
-            counter_bits: config.counter_bits,
-            quantum: layout.is_count_log().then(|| config.quantum.unwrap_or(1.0)),
-            most_quanta: most_quanta(config, nominal_ns),
+            counter: setup.counter(),
+            counter_bits: setup.counter_bits,
+            quantum: layout.is_count_log().then(|| setup.quantum.unwrap_or(1.0)),
+            most_quanta: most_quanta(setup, nominal_ns),
             clock_ns: None,
             last_counter: None,
             steps_by_axis: vec![StepStatistics::default(); layout.axes.len()],
             thermometers: thermometers.collect(),
-            aux_valid_range: layout.aux.iter().map(|(_, name)| config.aux(name).valid_range).collect(),
+            aux_valid_range: layout.aux.iter().map(|(_, name)| setup.aux(name).valid_range).collect(),
             tallies: Tallies::default(),
             rows_read: 0,
             watch: None,
@@ -460,8 +460,8 @@ impl RowValidator {
 }
 
 /// Most quanta of a row: those of the fastest rate.
-fn most_quanta(config: &ReadConfig, nominal_ns: i64) -> f64 {
-    let quantum_arcsec = config.arcsec_per_count.unwrap_or(1.0) * config.quantum.unwrap_or(1.0);
+fn most_quanta(setup: &Setup, nominal_ns: i64) -> f64 {
+    let quantum_arcsec = setup.arcsec_per_count.unwrap_or(1.0) * setup.quantum.unwrap_or(1.0);
     let fastest = MAX_RATE_DPH * LONGEST_ROW * s_from_ns(nominal_ns) / quantum_arcsec;
     fastest.min(MAX_QUANTA)
 }
@@ -539,7 +539,7 @@ mod tests {
             let headers = headers.iter().map(|header| (*header).to_owned()).collect();
             let layout = Layout::new(headers, &Default::default(), None).unwrap();
             let judge = |whole_rows: bool| {
-                let mut check = RowValidator::new("log".to_owned(), &layout, &ReadConfig::default(), 10);
+                let mut check = RowValidator::new("log".to_owned(), &layout, &Setup::default(), 10);
                 check.whole_rows &= whole_rows;
                 let temperature_c = vec![vec![]; usize::from(timed)];
                 let mut batch = Batch { angle: vec![vec![]], temperature_c, ..Batch::default() };
