@@ -1,22 +1,15 @@
 //! Measures the program, checks its exports, and makes the generated files of the project. `cargo xtask` builds the
 //! program `lab` with `sagnac` and runs it; the tests of the program check the generated files by [`bless::stale`].
 
-mod bench;
 pub mod bless;
-mod closed_loop;
-mod compare;
-mod conserve;
 mod corpus;
-mod exports;
-mod firmware;
-mod formats;
-mod hunt;
+mod hunts;
 mod made;
 mod makes;
-mod pictures;
+mod measures;
 mod places;
 mod program;
-mod same;
+mod targets;
 
 use anyhow::{Context, Result, bail};
 
@@ -27,22 +20,22 @@ pub use program::Program;
 pub fn run(args: &[&str]) -> Result<()> {
     let (task, rest) = args.split_first().context("no task; `cargo xtask help` lists them")?;
     match *task {
-        "bench" => bench::bench(rest.first().copied()),
+        "bench" => measures::bench::bench(rest.first().copied()),
         "bless" => bless::bless(rest),
-        "c" => exports::c(),
-        "closed-loop" => closed_loop::closed_loop(rest),
-        "compare" => compare::compare(),
-        "conserve" => conserve::conserve(),
+        "c" => targets::c(),
+        "closed-loop" => targets::closed_loop::closed_loop(rest),
+        "compare" => measures::compare::compare(),
+        "conserve" => targets::conserve::conserve(),
         "corpus" => {
             let folder = rest.first().context("corpus: into which folder?")?;
             makes::errors::keep(&Program::beside_the_lab()?, folder.as_ref())
         }
-        "firmware" => firmware::firmware(),
-        "formats" => formats::formats(),
-        "fpga" => exports::fpga(rest.contains(&"place")),
-        "hunt" => hunt::hunt(rest),
-        "pictures" => pictures::pictures(),
-        "same" => same::same(rest),
+        "firmware" => targets::firmware::firmware(),
+        "formats" => measures::formats::formats(),
+        "fpga" => targets::fpga(rest.contains(&"place")),
+        "hunt" => hunts::hunt(rest),
+        "pictures" => measures::pictures::pictures(),
+        "same" => measures::same::same(rest),
         other => bail!("no such task: {other}; `cargo xtask help` lists them"),
     }
 }

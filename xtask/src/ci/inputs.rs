@@ -284,19 +284,22 @@ mod tests {
             ("deny", &["deny.toml", "Cargo.lock", "Cargo.toml"]),
             ("dist", &["xtask/src/dist/pack.rs", "crates/sagnac-cli/src/main.rs", "crates/sagnac/src/lib.rs"]),
             ("corpus", &["lab/src/corpus/crafted.rs", "docs/reference/errors.md", "crates/sagnac-cli/src/main.rs"]),
-            ("hunt", &["lab/src/hunt/logs.rs", "crates/sagnac-log/src/lib.rs"]),
+            ("hunt", &["lab/src/hunts/logs.rs", "crates/sagnac-log/src/lib.rs"]),
             ("fuzz", &["fuzz/fuzz_targets/image.rs", "fuzz/counted.sh", "crates/sagnac-bench/src/lib.rs"]),
             ("fleet", &["fleet/src/store.rs", "fleet/Cargo.lock", "crates/sagnac/src/lib.rs"]),
             ("fpga", &["ports/verilog/sagnac_fast.v", "testdata/vectors/watch.hex", "crates/sagnac-core/src/lib.rs"]),
-            ("firmware", &["firmware/gyro/src/lib.rs", "lab/src/firmware/build.rs", "crates/sagnac-board/src/lib.rs"]),
+            (
+                "firmware",
+                &["firmware/gyro/src/lib.rs", "lab/src/targets/firmware/build.rs", "crates/sagnac-board/src/lib.rs"],
+            ),
             (
                 "closed-loop",
                 &["firmware/gyro/closed-loop", "firmware/gyro/src/lib.rs", "crates/sagnac-cli/src/main.rs"],
             ),
             ("c", &["ports/c/sagnac_board.c", "firmware/c/check_line.c", "crates/sagnac-signature/src/lib.rs"]),
             ("wheel", &["python/src/calibration.rs", "python/requirements.txt", "crates/sagnac-cli/src/main.rs"]),
-            ("conserve", &["lab/src/conserve.rs", "crates/sagnac-core/src/lib.rs"]),
-            ("formats", &["lab/src/formats/make.py", "crates/sagnac-cli/src/main.rs"]),
+            ("conserve", &["lab/src/targets/conserve.rs", "crates/sagnac-core/src/lib.rs"]),
+            ("formats", &["lab/src/measures/formats/make.py", "crates/sagnac-cli/src/main.rs"]),
         ];
         for (part, (name, wanted)) in PARTS.iter().zip(reads) {
             assert_eq!(part.name, name);

@@ -99,7 +99,7 @@ pub(crate) const PARTS: [Part; 20] = [
         runs: OnAll,
     },
     of_lab("corpus", &["bless", "--check", "errors"], &["lab/src/makes/errors.rs"], &[debian::CORPUS], OnAll),
-    of_lab("hunt", &["hunt", "--cases", HUNTED], &["lab/src/hunt"], &[debian::CORPUS], OnAll),
+    of_lab("hunt", &["hunt", "--cases", HUNTED], &["lab/src/hunts"], &[debian::CORPUS], OnAll),
     Part {
         name: "fuzz",
         task: &["fuzz", "--smoke"],
@@ -116,10 +116,10 @@ pub(crate) const PARTS: [Part; 20] = [
         tools: &[debian::PLACE],
         runs: OnOne,
     },
-    of_lab("fpga", &["fpga"], &["lab/src/exports/fpga"], &[debian::FPGA], OnOne),
-    of_lab("firmware", &["firmware"], &["lab/src/firmware"], &[debian::FIRMWARE], OnOne),
-    of_lab("closed-loop", &["closed-loop"], &["lab/src/closed_loop"], &[debian::FIRMWARE], AfterTheOneBefore),
-    of_lab("c", &["c"], &["lab/src/exports/c"], &[debian::C], OnOne),
+    of_lab("fpga", &["fpga"], &["lab/src/targets/fpga"], &[debian::FPGA], OnOne),
+    of_lab("firmware", &["firmware"], &["lab/src/targets/firmware"], &[debian::FIRMWARE], OnOne),
+    of_lab("closed-loop", &["closed-loop"], &["lab/src/targets/closed_loop"], &[debian::FIRMWARE], AfterTheOneBefore),
+    of_lab("c", &["c"], &["lab/src/targets/c"], &[debian::C], OnOne),
     Part {
         name: "wheel",
         task: &["wheel"],
@@ -128,8 +128,8 @@ pub(crate) const PARTS: [Part; 20] = [
         tools: &[debian::WHEEL],
         runs: OnOne,
     },
-    of_lab("conserve", &["conserve"], &["lab/src/conserve.rs"], &[], OnOne),
-    of_lab("formats", &["formats"], &["lab/src/formats.rs", "lab/src/formats"], &[debian::FORMATS], OnOne),
+    of_lab("conserve", &["conserve"], &["lab/src/targets/conserve.rs"], &[], OnOne),
+    of_lab("formats", &["formats"], &["lab/src/measures/formats"], &[debian::FORMATS], OnOne),
 ];
 
 /// Cases of the hunt: so many are the same on every machine, so many minutes are not.
