@@ -17,7 +17,7 @@ use xtask::shell::root;
 use crate::made::Made;
 use crate::makes::{
     chamber, circle, errors, faults, first_bytes, glossary, image, limits, manual, pages, requirements, scenario_keys,
-    schema, vectors,
+    schema, serial_line, vectors,
 };
 use crate::program::Program;
 
@@ -30,12 +30,13 @@ enum Make {
 }
 
 /// All generated files. Those of the libraries come first: the program reads some.
-const FILES: [(&str, Make); 14] = [
+const FILES: [(&str, Make); 15] = [
     ("testdata", Make::Here(chamber::make)),
     ("image", Make::Here(image::make)),
     ("vectors", Make::Here(vectors::make)),
     ("schema", Make::Here(schema::make)),
     ("limits", Make::Here(limits::make)),
+    ("serial-line", Make::Here(serial_line::make)),
     ("glossary", Make::Here(glossary::make)),
     ("scenario", Make::Here(scenario_keys::make)),
     ("first-bytes", Make::Here(first_bytes::make)),

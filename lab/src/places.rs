@@ -14,6 +14,7 @@ pub(crate) const ERRORS: &str = "docs/reference/errors.md";
 pub(crate) const FAULTS: &str = "docs/reference/faults.md";
 pub(crate) const FIRST_BYTES: &str = "crates/sagnac-sim/tests/first_bytes.txt";
 pub(crate) const FLEET_TABLE: &str = "docs/reference/fleet-table.md";
+pub(crate) const FRAME_HEADER: &str = "ports/c/sagnac_frame.h";
 pub(crate) const GLOSSARY: &str = "GLOSSARY.md";
 pub(crate) const GLOSSARY_PAGE: &str = "docs/reference/glossary.md";
 pub(crate) const IMAGE_FORMAT: &str = "docs/reference/image-format.md";
@@ -27,6 +28,7 @@ pub(crate) const PICTURES: &str = "docs/pictures";
 pub(crate) const README: &str = "README.md";
 pub(crate) const RECORD: &str = "docs/reference/record.md";
 pub(crate) const SCENARIO_KEYS: &str = "docs/reference/scenario.md";
+pub(crate) const SERIAL_LINE: &str = "docs/reference/serial-line.md";
 pub(crate) const TRACEABILITY: &str = "docs/reference/traceability.md";
 pub(crate) const VECTORS: &str = "testdata/vectors";
 

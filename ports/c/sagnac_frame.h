@@ -21,6 +21,7 @@ extern "C" {
 #define SAGNAC_MAX_PAYLOAD 64U
 #define SAGNAC_MAX_FRAME 72U
 
+/* Made by `cargo xtask bless serial-line`; do not edit. */
 /* Kinds of frames. From the gyro: */
 #define SAGNAC_KIND_OUTPUT 0x01U
 #define SAGNAC_KIND_REPLY 0x02U
@@ -32,6 +33,7 @@ extern "C" {
 #define SAGNAC_KIND_CONFIRM 0x23U
 #define SAGNAC_KIND_SERVICE 0x24U
 #define SAGNAC_KIND_ANSWER 0x25U
+/* End of the kinds. */
 
 typedef struct {
     uint32_t kind;

@@ -55,7 +55,7 @@ cargo xtask features   compile every crate that has features without any, and wi
 cargo xtask docs       [--check] the site of docs/ in target/site, with search, equations and rustdoc, for reading without a network
 cargo xtask deny       licences, bans and sources of the dependencies
 cargo xtask bless      [--check] [names] make the generated files anew, all or those named; --check: fail if one is out of date. Names:
-                       testdata, image, vectors (only after an intended change of the target), schema, limits, glossary, scenario, first-bytes,
+                       testdata, image, vectors (only after an intended change of the target), schema, limits, serial-line, glossary, scenario, first-bytes,
                        circle, requirements, cli, errors, faults, pages
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
 cargo xtask hunt       [MINUTES] generated inputs of every kind through the program, findings to testdata/found; --cases N: so many;

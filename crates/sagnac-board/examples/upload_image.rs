@@ -10,7 +10,7 @@
 use std::error::Error;
 
 use sagnac_board::frame::FrameReader;
-use sagnac_board::{COMMIT, CommandHandler, MemoryFlash, Message, PIECE, ReplyCode, Row, run};
+use sagnac_board::{COMMIT, CommandHandler, Commit, MemoryFlash, Message, PIECE, ReplyCode, Row, run};
 use sagnac_core::{Banks, Gyro, Image, Status};
 use sagnac_loops::LoopTable;
 
@@ -28,7 +28,11 @@ fn main() -> Result<(), Box<dyn Error>> {
     let second = Message::Row(Row { ticks: 10_000, counts: 40, present: 1, codes: [20 << 24, 0, 0, 0] });
     let mut to_board = vec![second];
     to_board.extend(Message::pieces(IMAGE));
-    to_board.extend([Message::Commit { len: u16::try_from(IMAGE.len())?, trial: false }, second, Message::Stop]);
+    to_board.extend([
+        Message::Commit(Commit { len: u16::try_from(IMAGE.len())?, trial: false }),
+        second,
+        Message::Stop,
+    ]);
     let mut bytes = Vec::new();
     for message in &to_board {
         let (frame, len) = message.frame().ok_or("a message does not fit a frame")?.bytes();

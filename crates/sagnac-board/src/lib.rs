@@ -45,10 +45,11 @@ pub use hardware::{Axis, Converters, FringeCounter, PwmOutput, SpiDac, TickClock
 pub use line::Line;
 pub use memory_flash::{MemoryFlash, MemoryFlashError};
 pub use message::{
-    ANSWER, COMMIT, CONFIRM, Message, OUTPUT_LEN, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode, SERVICE,
+    ANSWER, CHALLENGE, COMMIT, CONFIRM, Commit, Direction, KINDS, Kind, Message, OUTPUT, OUTPUT_LEN, Output, PIECE,
+    POWER_ON, Piece, REPLY, ROLL_BACK, Reply, ReplyCode, SERVICE,
 };
 #[cfg(feature = "rig")]
-pub use message::{RigSettings, Row};
+pub use message::{ROW, RigSettings, Row, SETTINGS, STOP};
 #[cfg(feature = "rig")]
 pub use rig::Rig;
 pub use upload::{Handled, Upload};

@@ -1,38 +1,303 @@
-//! Messages: the payloads of frames as fields. Widths and units: `docs/reference/serial-line.md`.
+//! Messages: the payloads of frames as fields. One table has every kind; `docs/reference/serial-line.md` says the widths and units.
+//!
+//! ```text
+//! messages! { kind, payload, direction, words } ─▶ Message, its codec ─▶ frames
+//!                                               └▶ KINDS ─▶ the kinds in ports/c/sagnac_frame.h, the tables of the page
+//! ```
+//!
+//! A payload has one reading: a length or a value that no sender writes is no message.
 
 use sagnac_core::bytes::{Reader, Writer};
 use sagnac_core::{CHALLENGE_LEN, Loaded, Origin, Status};
 
 use crate::frame::Frame;
 
-const OUTPUT: u8 = 0x01;
-const REPLY: u8 = 0x02;
-const CHALLENGE: u8 = 0x03;
-#[cfg(feature = "rig")]
-const SETTINGS: u8 = 0x10;
-#[cfg(feature = "rig")]
-const ROW: u8 = 0x11;
-/// Kind of [`Message::Piece`], as in [`Reply::to`].
-pub const PIECE: u8 = 0x20;
-/// Kind of [`Message::Commit`].
-pub const COMMIT: u8 = 0x21;
-/// Kind of [`Message::RollBack`].
-pub const ROLL_BACK: u8 = 0x22;
-/// Kind of [`Message::Confirm`].
-pub const CONFIRM: u8 = 0x23;
-/// Kind of [`Message::Service`].
-pub const SERVICE: u8 = 0x24;
-/// Kind of [`Message::Answer`].
-pub const ANSWER: u8 = 0x25;
 /// Value of [`Reply::to`] in the reply that is sent at power-on.
 pub const POWER_ON: u8 = 0;
-#[cfg(feature = "rig")]
-const STOP: u8 = 0x30;
-
 /// Bytes of an output frame.
 pub const OUTPUT_LEN: usize = 41;
 /// Bytes of an image in one message.
 const PIECE_LEN: usize = 60;
+
+/// Who sends a message to whom.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// From the gyro.
+    FromGyro,
+    /// To the gyro.
+    ToGyro,
+    /// To a board without a gyro.
+    ToRig,
+}
+
+/// A kind of message, for the C header and the page.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct Kind {
+    /// Its name in C.
+    pub name: &'static str,
+    /// Its number in the frame.
+    pub number: u8,
+    /// Who sends it to whom.
+    pub direction: Direction,
+    /// Its payload in words.
+    pub payload: &'static str,
+    /// What it says or does.
+    pub effect: &'static str,
+}
+
+/// [`Message`], its codec and [`KINDS`] from one row per kind.
+macro_rules! messages {
+    ($(
+        #[doc = $effect:literal]
+        $(#[cfg($condition:meta)])?
+        $name:ident = $number:literal, $variant:ident $(($payload:ty))?, $direction:ident, $words:literal;
+    )*) => {
+        $($(#[cfg($condition)])? #[doc = concat!("Kind of [`Message::", stringify!($variant), "`], as in [`Reply::to`].")]
+        pub const $name: u8 = $number;)*
+
+        /// All messages of the serial line.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub enum Message {
+            $(#[doc = $effect] $(#[cfg($condition)])? $variant $(($payload))?,)*
+        }
+
+        /// Every kind, in the order of its number.
+        pub const KINDS: &[Kind] = &[$($(#[cfg($condition)])? Kind {
+            name: stringify!($name),
+            number: $number,
+            direction: Direction::$direction,
+            payload: $words,
+            effect: $effect,
+        },)*];
+
+        impl Message {
+            /// Its kind: the number in the frame.
+            pub const fn kind(&self) -> u8 {
+                match self {
+                    $($(#[cfg($condition)])? Self::$variant { .. } => $name,)*
+                }
+            }
+
+            fn write(&self, w: &mut Writer<'_>) -> Option<usize> {
+                $($(#[cfg($condition)])? {
+                    $(if let Self::$variant(payload) = self {
+                        return <$payload as Payload>::put(payload, w);
+                    })?
+                })*
+                Some(0)
+            }
+
+            /// The message of a frame; `None` for an unknown kind or a payload of the wrong length.
+            pub fn parse(frame: &Frame) -> Option<Self> {
+                let mut r = Reader::new(frame.payload());
+                let message = match frame.kind {
+                    $($(#[cfg($condition)])? $name => Self::$variant $((<$payload as Payload>::take(&mut r)?))?,)*
+                    _ => return None,
+                };
+                r.is_empty().then_some(message)
+            }
+        }
+    };
+}
+
+messages! {
+    /// Corrected counts and status, every 100 ticks.
+    OUTPUT = 0x01, Output(Output), FromGyro, "33 bytes, below";
+    /// The result of a message, and which image runs.
+    REPLY = 0x02, Reply(Reply), FromGyro, "7 bytes, below";
+    /// A gyro with a key asks: sign this ([`sagnac_core::service_message`]) to open the service mode.
+    CHALLENGE = 0x03, Challenge([u8; CHALLENGE_LEN]), FromGyro, "16 bytes";
+    /// The parameters of the rig. The board starts again.
+    #[cfg(feature = "rig")]
+    SETTINGS = 0x10, Settings(RigSettings), ToRig, "31 bytes: `RigSettings`";
+    /// Run one row of a log.
+    #[cfg(feature = "rig")]
+    ROW = 0x11, Row(Row), ToRig, "u32 ticks, i32 counts, u8 bits of the inputs that have a sample, 4 × i32 codes";
+    /// A piece of an image; in any order, as often as needed.
+    PIECE = 0x20, Piece(Piece), ToGyro, "u16 offset, up to 60 bytes";
+    /// The image is complete: the gyro checks it, stores it in the other bank, reads it back and uses it from the next tick on.
+    COMMIT = 0x21, Commit(Commit), ToGyro, "u16 length, u8 1 on trial or 0";
+    /// Go back to the image before this one.
+    ROLL_BACK = 0x22, RollBack, ToGyro, "";
+    /// The image on trial has proved itself.
+    CONFIRM = 0x23, Confirm, ToGyro, "";
+    /// Open the service mode: a gyro with a key answers with a challenge.
+    SERVICE = 0x24, Service, ToGyro, "";
+    /// The signature of the challenge.
+    ANSWER = 0x25, Answer([u8; 64]), ToGyro, "64 bytes";
+    /// The end of the run.
+    #[cfg(feature = "rig")]
+    STOP = 0x30, Stop, ToRig, "";
+}
+
+/// Fields of a payload, little-endian, one after the other.
+trait Payload: Sized {
+    /// Writes it; how many bytes it has.
+    fn put(&self, w: &mut Writer<'_>) -> Option<usize>;
+    fn take(r: &mut Reader<'_>) -> Option<Self>;
+}
+
+/// A number as its little-endian bytes.
+macro_rules! number {
+    ($($type:ty),*) => {$(
+        impl Payload for $type {
+            fn put(&self, w: &mut Writer<'_>) -> Option<usize> {
+                self.to_le_bytes().put(w)
+            }
+
+            fn take(r: &mut Reader<'_>) -> Option<Self> {
+                Payload::take(r).map(Self::from_le_bytes)
+            }
+        }
+    )*};
+}
+
+number!(u16, u32, i32);
+
+impl<const N: usize> Payload for [u8; N] {
+    fn put(&self, w: &mut Writer<'_>) -> Option<usize> {
+        w.put(*self)?;
+        Some(N)
+    }
+
+    fn take(r: &mut Reader<'_>) -> Option<Self> {
+        r.take()
+    }
+}
+
+impl Payload for u8 {
+    fn put(&self, w: &mut Writer<'_>) -> Option<usize> {
+        [*self].put(w)
+    }
+
+    fn take(r: &mut Reader<'_>) -> Option<Self> {
+        r.u8()
+    }
+}
+
+impl Payload for bool {
+    fn put(&self, w: &mut Writer<'_>) -> Option<usize> {
+        u8::from(*self).put(w)
+    }
+
+    fn take(r: &mut Reader<'_>) -> Option<Self> {
+        flag(r.u8()?)
+    }
+}
+
+#[cfg(feature = "rig")]
+impl Payload for [i32; 4] {
+    fn put(&self, w: &mut Writer<'_>) -> Option<usize> {
+        self.iter().try_fold(0, |len, code| Some(len + code.put(w)?))
+    }
+
+    fn take(r: &mut Reader<'_>) -> Option<Self> {
+        Some([r.i32()?, r.i32()?, r.i32()?, r.i32()?])
+    }
+}
+
+/// A payload whose bytes are its fields in their order.
+macro_rules! payload {
+    ($(#[$of_struct:meta])* $name:ident { $($(#[$of_field:meta])* $field:ident: $type:ty,)* }) => {
+        $(#[$of_struct])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+        pub struct $name {
+            $($(#[$of_field])* pub $field: $type,)*
+        }
+
+        impl Payload for $name {
+            fn put(&self, w: &mut Writer<'_>) -> Option<usize> {
+                Some(0 $(+ self.$field.put(w)?)*)
+            }
+
+            fn take(r: &mut Reader<'_>) -> Option<Self> {
+                Some(Self { $($field: Payload::take(r)?,)* })
+            }
+        }
+    };
+}
+
+payload! {
+    /// The end of an upload.
+    Commit {
+        /// Length of the image, with the signature block if it has one.
+        len: u16,
+        /// Store it on trial ([`sagnac_core::Banks::start`]).
+        trial: bool,
+    }
+}
+
+#[cfg(feature = "rig")]
+payload! {
+    /// One row of a log, for a rig.
+    Row {
+        /// Length, ticks.
+        ticks: u32,
+        /// Counts in these ticks.
+        counts: i32,
+        /// Bit i: input i has a sample.
+        present: u8,
+        /// Codes of the inputs.
+        codes: [i32; 4],
+    }
+}
+
+#[cfg(feature = "rig")]
+payload! {
+    /// Parameters of the rig that replaces the gyro.
+    RigSettings {
+        /// Amplitude of the dither, counts; 0 for none.
+        dither_counts: u32,
+        /// Phase of the dither per tick, 2⁻³² turns.
+        dither_step: u32,
+        /// Fraction of the light that is lost per squared code of distance from the peak, 2⁻⁴⁸.
+        curvature: u32,
+        /// Light at the peak per code of the current, 2⁻¹⁶ codes.
+        lamp_gain: u32,
+        /// Position of the light's peak at code 0 of the first input, actuator codes.
+        peak: i32,
+        /// Movement of the peak for 2²⁴ codes of that input, 2⁻¹⁶ actuator codes.
+        peak_slope: i32,
+        /// One wavelength, actuator codes.
+        wavelength: i32,
+        /// Time constant with which the light follows the current: 2^lamp_lag ticks.
+        lamp_lag: u8,
+        /// Time constant with which the path follows the actuator: 2^actuator_lag ticks.
+        actuator_lag: u8,
+        /// Noise of the light code, bits.
+        noise_bits: u8,
+    }
+}
+
+/// Bytes of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Piece {
+    /// Offset of the first byte in the image.
+    pub offset: u16,
+    /// Number of bytes.
+    pub len: u8,
+    /// The bytes.
+    pub bytes: [u8; PIECE_LEN],
+}
+
+impl Payload for Piece {
+    fn put(&self, w: &mut Writer<'_>) -> Option<usize> {
+        let head = self.offset.put(w)?;
+        self.bytes.put(w)?;
+        Some(head + usize::from(self.len).min(PIECE_LEN))
+    }
+
+    fn take(r: &mut Reader<'_>) -> Option<Self> {
+        let offset = r.u16()?;
+        let (mut bytes, mut len) = ([0; PIECE_LEN], 0);
+        for slot in &mut bytes {
+            let Some(byte) = r.u8() else { break };
+            (*slot, len) = (byte, len + 1);
+        }
+        Some(Self { offset, len, bytes })
+    }
+}
 
 /// Frame that the gyro sends every [`crate::FRAME_TICKS`] ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -65,44 +330,54 @@ pub struct Output {
     pub trial: bool,
 }
 
-/// One row of a log, for a rig.
-#[cfg(feature = "rig")]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Row {
-    /// Length, ticks.
-    pub ticks: u32,
-    /// Counts in these ticks.
-    pub counts: i32,
-    /// Bit i: input i has a sample.
-    pub present: u8,
-    /// Codes of the inputs.
-    pub codes: [i32; 4],
-}
+impl Payload for Output {
+    fn put(&self, w: &mut Writer<'_>) -> Option<usize> {
+        let has_sample = u8::from(self.temperature.is_some());
+        Some(
+            self.sequence.put(w)?
+                + self.tick.put(w)?
+                + self.counts.put(w)?
+                + self.raw.put(w)?
+                + self.status.bits().put(w)?
+                + self.path_status.put(w)?
+                + self.light_status.put(w)?
+                + self.actuator.put(w)?
+                + self.current.put(w)?
+                + self.temperature.unwrap_or(0).put(w)?
+                + self.lost_steps.put(w)?
+                + (has_sample | image_code(self.origin, self.trial) << 1).put(w)?,
+        )
+    }
 
-/// Parameters of the rig that replaces the gyro.
-#[cfg(feature = "rig")]
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RigSettings {
-    /// Amplitude of the dither, counts; 0 for none.
-    pub dither_counts: u32,
-    /// Phase of the dither per tick, 2⁻³² turns.
-    pub dither_step: u32,
-    /// Position of the light's peak at code 0 of the first input, actuator codes.
-    pub peak: i32,
-    /// Movement of the peak for 2²⁴ codes of that input, 2⁻¹⁶ actuator codes.
-    pub peak_slope: i32,
-    /// One wavelength, actuator codes.
-    pub wavelength: i32,
-    /// Fraction of the light that is lost per squared code of distance from the peak, 2⁻⁴⁸.
-    pub curvature: u32,
-    /// Light at the peak per code of the current, 2⁻¹⁶ codes.
-    pub lamp_gain: u32,
-    /// Time constant with which the light follows the current: 2^lamp_lag ticks.
-    pub lamp_lag: u8,
-    /// Time constant with which the path follows the actuator: 2^actuator_lag ticks.
-    pub actuator_lag: u8,
-    /// Noise of the light code, bits.
-    pub noise_bits: u8,
+    fn take(r: &mut Reader<'_>) -> Option<Self> {
+        let (sequence, tick, counts, raw) = (r.u16()?, r.u32()?, r.i32()?, r.i32()?);
+        let status = Status::from_bits(r.u16()?);
+        let (path_status, light_status) = (r.u8()?, r.u8()?);
+        let (actuator, current, temperature) = (r.i32()?, r.i32()?, r.i32()?);
+        let (lost_steps, source) = (r.u16()?, r.u8()?);
+        // One frame, one meaning: a code without its bit is no frame.
+        let temperature = match source & 1 {
+            0 if temperature != 0 => return None,
+            0 => None,
+            _ => Some(temperature),
+        };
+        let (origin, trial) = image_of(source >> 1)?;
+        Some(Self {
+            sequence,
+            tick,
+            counts,
+            raw,
+            status,
+            path_status,
+            light_status,
+            actuator,
+            current,
+            temperature,
+            lost_steps,
+            origin,
+            trial,
+        })
+    }
 }
 
 /// Result of a message.
@@ -132,72 +407,6 @@ pub enum ReplyCode {
     NotOnTrial = 10,
 }
 
-/// The reply to a message.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Reply {
-    /// Kind of the message, or [`POWER_ON`].
-    pub to: u8,
-    /// Its result.
-    pub code: ReplyCode,
-    /// Sequence number of the active image; 0 for the factory defaults.
-    pub sequence: u32,
-    /// Where the active image comes from.
-    pub origin: Origin,
-    /// The active image is on trial: confirm it, or it is withdrawn after some starts.
-    pub trial: bool,
-}
-
-/// All messages of the serial line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Message {
-    /// From the gyro: corrected counts and status.
-    Output(Output),
-    /// From the gyro: the result of a message.
-    Reply(Reply),
-    /// From the gyro: sign this ([`sagnac_core::service_message`]) to open the service mode.
-    Challenge([u8; CHALLENGE_LEN]),
-    /// To a rig: its parameters. Restarts the board.
-    #[cfg(feature = "rig")]
-    Settings(RigSettings),
-    /// To a rig: run one row of a log.
-    #[cfg(feature = "rig")]
-    Row(Row),
-    /// To the gyro: bytes of an image.
-    Piece {
-        /// Offset of the first byte in the image.
-        offset: u16,
-        /// Number of bytes.
-        len: u8,
-        /// The bytes.
-        bytes: [u8; PIECE_LEN],
-    },
-    /// To the gyro: the image is complete; store it.
-    Commit {
-        /// Its length, with the signature block if it has one.
-        len: u16,
-        /// Store it on trial ([`sagnac_core::Banks::start`]).
-        trial: bool,
-    },
-    /// To the gyro: the image on trial has proved itself.
-    Confirm,
-    /// To the gyro: go back to the image before this one.
-    RollBack,
-    /// To the gyro: open the service mode. The answer is a [`Message::Challenge`].
-    Service,
-    /// To the gyro: the signature of its challenge.
-    Answer([u8; 64]),
-    /// To a rig: the end of the run.
-    #[cfg(feature = "rig")]
-    Stop,
-}
-
-impl Reply {
-    /// The reply to a message of this kind, with what flash holds now.
-    pub(crate) const fn new(to: u8, code: ReplyCode, loaded: &Loaded) -> Self {
-        Self { to, code, sequence: loaded.image.description().sequence, origin: loaded.origin, trial: loaded.trial }
-    }
-}
-
 impl ReplyCode {
     const ALL: [Self; 11] = [
         Self::Done,
@@ -214,35 +423,50 @@ impl ReplyCode {
     ];
 }
 
+/// The reply to a message.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reply {
+    /// Kind of the message, or [`POWER_ON`].
+    pub to: u8,
+    /// Its result.
+    pub code: ReplyCode,
+    /// Sequence number of the active image; 0 for the factory defaults.
+    pub sequence: u32,
+    /// Where the active image comes from.
+    pub origin: Origin,
+    /// The active image is on trial: confirm it, or it is withdrawn after some starts.
+    pub trial: bool,
+}
+
+impl Payload for Reply {
+    fn put(&self, w: &mut Writer<'_>) -> Option<usize> {
+        let head = self.to.put(w)? + (self.code as u8).put(w)?;
+        Some(head + self.sequence.put(w)? + image_code(self.origin, self.trial).put(w)?)
+    }
+
+    fn take(r: &mut Reader<'_>) -> Option<Self> {
+        let [to, code] = r.take()?;
+        let (code, sequence) = (*ReplyCode::ALL.get(usize::from(code))?, r.u32()?);
+        let (origin, trial) = image_of(r.u8()?)?;
+        Some(Self { to, code, sequence, origin, trial })
+    }
+}
+
+impl Reply {
+    /// The reply to a message of this kind, with what flash holds now.
+    pub(crate) const fn new(to: u8, code: ReplyCode, loaded: &Loaded) -> Self {
+        Self { to, code, sequence: loaded.image.description().sequence, origin: loaded.origin, trial: loaded.trial }
+    }
+}
+
 impl Message {
     /// The pieces of an image, in order, without the commit.
     pub fn pieces(image: &[u8]) -> impl Iterator<Item = Self> + '_ {
         image.chunks(PIECE_LEN).zip(0_u16..).map(|(chunk, index)| {
             let mut bytes = [0; PIECE_LEN];
             bytes.iter_mut().zip(chunk).for_each(|(slot, byte)| *slot = *byte);
-            Self::Piece { offset: index.saturating_mul(PIECE_LEN as u16), len: chunk.len() as u8, bytes }
+            Self::Piece(Piece { offset: index.saturating_mul(PIECE_LEN as u16), len: chunk.len() as u8, bytes })
         })
-    }
-
-    /// Its kind: the number in the frame.
-    pub const fn kind(&self) -> u8 {
-        match self {
-            Self::Output(_) => OUTPUT,
-            Self::Reply(_) => REPLY,
-            Self::Challenge(_) => CHALLENGE,
-            #[cfg(feature = "rig")]
-            Self::Settings(_) => SETTINGS,
-            #[cfg(feature = "rig")]
-            Self::Row(_) => ROW,
-            Self::Piece { .. } => PIECE,
-            Self::Commit { .. } => COMMIT,
-            Self::Confirm => CONFIRM,
-            Self::RollBack => ROLL_BACK,
-            Self::Service => SERVICE,
-            Self::Answer(_) => ANSWER,
-            #[cfg(feature = "rig")]
-            Self::Stop => STOP,
-        }
     }
 
     /// Its frame. Never `None`: every payload fits (a test confirms it).
@@ -251,116 +475,6 @@ impl Message {
         let mut w = Writer::new(&mut payload);
         let len = self.write(&mut w)?;
         Frame::new(self.kind(), payload.get(..len)?)
-    }
-
-    fn write(&self, w: &mut Writer<'_>) -> Option<usize> {
-        match self {
-            Self::Output(o) => {
-                w.put(o.sequence.to_le_bytes())?;
-                w.put(o.tick.to_le_bytes())?;
-                w.put(o.counts.to_le_bytes())?;
-                w.put(o.raw.to_le_bytes())?;
-                w.put(o.status.bits().to_le_bytes())?;
-                w.put([o.path_status, o.light_status])?;
-                for value in [o.actuator, o.current, o.temperature.unwrap_or(0)] {
-                    w.put(value.to_le_bytes())?;
-                }
-                w.put(o.lost_steps.to_le_bytes())?;
-                w.put([u8::from(o.temperature.is_some()) | image_code(o.origin, o.trial) << 1])?;
-                Some(OUTPUT_LEN - 8)
-            }
-            Self::Reply(reply) => {
-                w.put([reply.to, reply.code as u8])?;
-                w.put(reply.sequence.to_le_bytes())?;
-                w.put([image_code(reply.origin, reply.trial)])?;
-                Some(7)
-            }
-            Self::Challenge(challenge) => {
-                w.put(*challenge)?;
-                Some(CHALLENGE_LEN)
-            }
-            #[cfg(feature = "rig")]
-            Self::Settings(s) => {
-                for value in [s.dither_counts, s.dither_step, s.curvature, s.lamp_gain] {
-                    w.put(value.to_le_bytes())?;
-                }
-                for value in [s.peak, s.peak_slope, s.wavelength] {
-                    w.put(value.to_le_bytes())?;
-                }
-                w.put([s.lamp_lag, s.actuator_lag, s.noise_bits])?;
-                Some(31)
-            }
-            #[cfg(feature = "rig")]
-            Self::Row(row) => {
-                w.put(row.ticks.to_le_bytes())?;
-                w.put(row.counts.to_le_bytes())?;
-                w.put([row.present])?;
-                for code in row.codes {
-                    w.put(code.to_le_bytes())?;
-                }
-                Some(25)
-            }
-            Self::Piece { offset, len, bytes } => {
-                w.put(offset.to_le_bytes())?;
-                w.put(*bytes)?;
-                Some(2 + usize::from(*len).min(PIECE_LEN))
-            }
-            Self::Commit { len, trial } => {
-                w.put(len.to_le_bytes())?;
-                w.put([u8::from(*trial)])?;
-                Some(3)
-            }
-            Self::Answer(signature) => {
-                w.put(*signature)?;
-                Some(64)
-            }
-            Self::Confirm | Self::RollBack | Self::Service => Some(0),
-            #[cfg(feature = "rig")]
-            Self::Stop => Some(0),
-        }
-    }
-
-    /// The message of a frame; `None` for an unknown kind or a payload of the wrong length.
-    pub fn parse(frame: &Frame) -> Option<Self> {
-        let mut r = Reader::new(frame.payload());
-        let message = match frame.kind {
-            OUTPUT => Self::Output(read_output(&mut r)?),
-            REPLY => {
-                let [to, code] = r.take()?;
-                let (code, sequence) = (*ReplyCode::ALL.get(usize::from(code))?, r.u32()?);
-                let (origin, trial) = image_of(r.u8()?)?;
-                Self::Reply(Reply { to, code, sequence, origin, trial })
-            }
-            CHALLENGE => Self::Challenge(r.take()?),
-            #[cfg(feature = "rig")]
-            SETTINGS => Self::Settings(read_settings(&mut r)?),
-            #[cfg(feature = "rig")]
-            ROW => {
-                let (ticks, counts, present) = (r.u32()?, r.i32()?, r.u8()?);
-                Self::Row(Row { ticks, counts, present, codes: [r.i32()?, r.i32()?, r.i32()?, r.i32()?] })
-            }
-            PIECE => {
-                let offset = r.u16()?;
-                let (mut bytes, mut len) = ([0; PIECE_LEN], 0);
-                for slot in &mut bytes {
-                    let Some(byte) = r.u8() else { break };
-                    (*slot, len) = (byte, len + 1);
-                }
-                Self::Piece { offset, len, bytes }
-            }
-            COMMIT => {
-                let (len, trial) = (r.u16()?, r.u8()?);
-                Self::Commit { len, trial: flag(trial)? }
-            }
-            CONFIRM => Self::Confirm,
-            ROLL_BACK => Self::RollBack,
-            SERVICE => Self::Service,
-            ANSWER => Self::Answer(r.take()?),
-            #[cfg(feature = "rig")]
-            STOP => Self::Stop,
-            _ => return None,
-        };
-        r.is_empty().then_some(message)
     }
 }
 
@@ -386,53 +500,4 @@ const fn flag(byte: u8) -> Option<bool> {
         1 => Some(true),
         _ => None,
     }
-}
-
-fn read_output(r: &mut Reader<'_>) -> Option<Output> {
-    let (sequence, tick, counts, raw) = (r.u16()?, r.u32()?, r.i32()?, r.i32()?);
-    let status = Status::from_bits(r.u16()?);
-    let (path_status, light_status) = (r.u8()?, r.u8()?);
-    let (actuator, current, temperature) = (r.i32()?, r.i32()?, r.i32()?);
-    let (lost_steps, source) = (r.u16()?, r.u8()?);
-    // One frame, one meaning: a code without its bit is no frame.
-    let temperature = match source & 1 {
-        0 if temperature != 0 => return None,
-        0 => None,
-        _ => Some(temperature),
-    };
-    let (origin, trial) = image_of(source >> 1)?;
-    Some(Output {
-        sequence,
-        tick,
-        counts,
-        raw,
-        status,
-        path_status,
-        light_status,
-        actuator,
-        current,
-        temperature,
-        lost_steps,
-        origin,
-        trial,
-    })
-}
-
-#[cfg(feature = "rig")]
-fn read_settings(r: &mut Reader<'_>) -> Option<RigSettings> {
-    let (dither_counts, dither_step, curvature, lamp_gain) = (r.u32()?, r.u32()?, r.u32()?, r.u32()?);
-    let (peak, peak_slope, wavelength) = (r.i32()?, r.i32()?, r.i32()?);
-    let (lamp_lag, actuator_lag, noise_bits) = (r.u8()?, r.u8()?, r.u8()?);
-    Some(RigSettings {
-        dither_counts,
-        dither_step,
-        peak,
-        peak_slope,
-        wavelength,
-        curvature,
-        lamp_gain,
-        lamp_lag,
-        actuator_lag,
-        noise_bits,
-    })
 }

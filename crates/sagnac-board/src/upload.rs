@@ -21,7 +21,7 @@ use sagnac_core::{
     service_message,
 };
 
-use crate::message::{Message, Reply, ReplyCode};
+use crate::message::{Commit, Message, Piece, Reply, ReplyCode};
 
 /// Buffer for an image in pieces, and what the board trusts.
 #[derive(Clone, Debug)]
@@ -77,16 +77,16 @@ impl<T: Trust> Upload<T> {
             // Nothing to answer: the line is open.
             Message::Service => ReplyCode::Done,
             Message::Answer(signature) => self.answer(signature, gyro),
-            Message::Piece { .. } | Message::Commit { .. } | Message::Confirm | Message::RollBack if !open => {
-                ReplyCode::Locked
+            Message::Piece(_) | Message::Commit(_) | Message::Confirm | Message::RollBack if !open => ReplyCode::Locked,
+            Message::Piece(Piece { offset, len, bytes }) => {
+                self.keep(usize::from(*offset), bytes.get(..usize::from(*len))?)
             }
-            Message::Piece { offset, len, bytes } => self.keep(usize::from(*offset), bytes.get(..usize::from(*len))?),
-            Message::Commit { len, trial } => self.commit(usize::from(*len), *trial, banks, gyro),
+            Message::Commit(Commit { len, trial }) => self.commit(usize::from(*len), *trial, banks, gyro),
             Message::Confirm => banks.confirm(gyro).map_or_else(of_store, |()| ReplyCode::Done),
             Message::RollBack => banks.roll_back(gyro).map_or_else(of_store, |_| ReplyCode::Done),
             _ => return None,
         };
-        let changes = matches!(message, Message::Commit { .. } | Message::Confirm | Message::RollBack);
+        let changes = matches!(message, Message::Commit(_) | Message::Confirm | Message::RollBack);
         if changes && code == ReplyCode::Done {
             self.service = Service::Closed;
         }

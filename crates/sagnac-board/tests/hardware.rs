@@ -12,8 +12,8 @@ use embedded_io::{ErrorType, Read, ReadReady, Write};
 use proptest::prelude::*;
 use sagnac_board::frame::{Frame, FrameReader};
 use sagnac_board::{
-    ActuatorCodes, Axis, Board, Converters, FringeCounter, LONGEST_PAUSE_TICKS, Line, MemoryFlash, Message, Output,
-    PwmOutput, Sample, SpiDac, TickClock,
+    ActuatorCodes, Axis, Board, Commit, Converters, FringeCounter, LONGEST_PAUSE_TICKS, Line, MemoryFlash, Message,
+    Output, Piece, PwmOutput, Sample, SpiDac, TickClock,
 };
 use sagnac_core::{BankReport, Banks, Description, Gyro, Image, Loaded, MAX_IMAGE_LEN, NoKey, Origin, Status};
 use sagnac_loops::Stripper;
@@ -322,9 +322,9 @@ fn an_image_arrives_over_the_line() {
     for (at, piece) in bytes[..len].chunks(60).enumerate() {
         let mut room = [0; 60];
         room[..piece.len()].copy_from_slice(piece);
-        port.give(Message::Piece { offset: at as u16 * 60, len: piece.len() as u8, bytes: room });
+        port.give(Message::Piece(Piece { offset: at as u16 * 60, len: piece.len() as u8, bytes: room }));
     }
-    let commit = Message::Commit { len: len as u16, trial: false };
+    let commit = Message::Commit(Commit { len: len as u16, trial: false });
     let (cut, cut_len) = commit.frame().unwrap().bytes();
     port.arrived.borrow_mut().extend(&cut[..cut_len - 3]);
     let mut used = 0;

@@ -4,8 +4,8 @@ use crate::given::{PAPER, loops};
 use proptest::prelude::*;
 use sagnac_board::frame::{Frame, FrameReader, MAX_PAYLOAD};
 use sagnac_board::{
-    Board, CommandHandler, FRAME_TICKS, MemoryFlash, Message, OUTPUT_LEN, Output, Reply, ReplyCode, RigSettings, Row,
-    Sample, run,
+    Board, CommandHandler, Commit, FRAME_TICKS, MemoryFlash, Message, OUTPUT_LEN, Output, Piece, Reply, ReplyCode,
+    RigSettings, Row, Sample, run,
 };
 use sagnac_core::{BankReport, Banks, Description, Gyro, Image, Loaded, Origin, Status, WatchSpec};
 use sagnac_loops::Stripper;
@@ -71,7 +71,7 @@ fn message() -> impl Strategy<Value = Message> {
         (any::<[i32; 6]>(), any::<u8>()).prop_map(|(v, present)| {
             Message::Row(Row { ticks: v[0] as u32, counts: v[1], present, codes: [v[2], v[3], v[4], v[5]] })
         }),
-        any::<(u16, bool)>().prop_map(|(len, trial)| Message::Commit { len, trial }),
+        any::<(u16, bool)>().prop_map(|(len, trial)| Message::Commit(Commit { len, trial })),
         Just(Message::RollBack),
         Just(Message::Confirm),
         Just(Message::Service),
@@ -127,7 +127,7 @@ proptest! {
         for piece in Message::pieces(&image) {
             let bytes = bytes_of(&piece);
             let (found, _) = frames(&bytes);
-            let Some(Message::Piece { offset, len, bytes }) = Message::parse(&found[0]) else { panic!("{piece:?}") };
+            let Some(Message::Piece(Piece { offset, len, bytes })) = Message::parse(&found[0]) else { panic!("{piece:?}") };
             back[usize::from(offset)..][..usize::from(len)].copy_from_slice(&bytes[..usize::from(len)]);
         }
         prop_assert_eq!(back, image);
@@ -205,7 +205,11 @@ fn a_new_image_takes_effect_between_two_ticks() {
     let row = Row { ticks: 100_000, counts: 400, present: 1, codes: [20 << 24, 0, 0, 0] };
     let mut input = vec![Message::Settings(settings), Message::Row(row)];
     input.extend(Message::pieces(PAPER));
-    input.extend([Message::Commit { len: PAPER.len() as u16, trial: false }, Message::Row(row), Message::RollBack]);
+    input.extend([
+        Message::Commit(Commit { len: PAPER.len() as u16, trial: false }),
+        Message::Row(row),
+        Message::RollBack,
+    ]);
     let out = outputs(&input);
     let of = |from: usize| -> Vec<&Output> {
         let frames = out.iter().skip(from).filter_map(|m| if let Message::Output(o) = m { Some(o) } else { None });

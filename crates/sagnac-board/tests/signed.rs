@@ -2,8 +2,8 @@
 
 use sagnac_board::frame::FrameReader;
 use sagnac_board::{
-    ANSWER, COMMIT, CONFIRM, CommandHandler, Handled, MemoryFlash, Message, ROLL_BACK, Reply, ReplyCode, RigSettings,
-    Upload, run,
+    ANSWER, COMMIT, CONFIRM, CommandHandler, Commit, Handled, MemoryFlash, Message, ROLL_BACK, Reply, ReplyCode,
+    RigSettings, Upload, run,
 };
 use sagnac_core::{Banks, Description, Gyro, Image, NoKey, Origin, SIGNATURE_LEN, TRIAL_STARTS, Trust};
 use sagnac_loops::LoopTable;
@@ -77,7 +77,7 @@ impl<T: Trust> Bench<T> {
                 return code;
             }
         }
-        self.code(Message::Commit { len: bytes.len() as u16, trial })
+        self.code(Message::Commit(Commit { len: bytes.len() as u16, trial }))
     }
 
     fn active(&mut self) -> (u32, Origin) {
@@ -218,7 +218,7 @@ fn a_trial_over_the_line_ends_by_itself() {
     };
     let upload = |sequence: u32, trial: bool| -> Vec<Message> {
         let bytes = image(sequence);
-        Message::pieces(&bytes).chain([Message::Commit { len: bytes.len() as u16, trial }]).collect()
+        Message::pieces(&bytes).chain([Message::Commit(Commit { len: bytes.len() as u16, trial })]).collect()
     };
     let on = Message::Settings(RigSettings::default());
     // Each run is a power-on too.

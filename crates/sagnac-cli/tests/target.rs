@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use assert_cmd::Command;
 use sagnac_board::frame::{Frame, FrameReader};
-use sagnac_board::{CommandHandler, MemoryFlash, Message, RigSettings, Row, run};
+use sagnac_board::{CommandHandler, Commit, MemoryFlash, Message, Piece, RigSettings, Row, run};
 use sagnac_core::{Banks, Gyro, Image};
 use sagnac_loops::LoopTable;
 
@@ -93,8 +93,8 @@ fn loops_and_uploads_are_what_the_target_reads() {
     let mut image = Vec::new();
     for message in &messages {
         match message {
-            Message::Piece { len, bytes, .. } => image.extend_from_slice(&bytes[..usize::from(*len)]),
-            Message::Commit { len, trial } => assert_eq!((usize::from(*len), *trial), (image.len(), false)),
+            Message::Piece(Piece { len, bytes, .. }) => image.extend_from_slice(&bytes[..usize::from(*len)]),
+            Message::Commit(Commit { len, trial }) => assert_eq!((usize::from(*len), *trial), (image.len(), false)),
             other => panic!("{other:?}"),
         }
     }

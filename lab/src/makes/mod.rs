@@ -15,6 +15,7 @@ pub(crate) mod pages;
 pub(crate) mod requirements;
 pub(crate) mod scenario_keys;
 pub(crate) mod schema;
+pub(crate) mod serial_line;
 pub(crate) mod vectors;
 
 /// The ready scenarios whose bytes and figures are tested.

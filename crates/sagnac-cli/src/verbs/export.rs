@@ -8,7 +8,7 @@ use clap::ValueEnum;
 use sagnac::calibration::{Calibration, InputSource, UNASSIGNED};
 use sagnac::export::{codes, data_sheet, encode, image_bytes};
 use sagnac::{Error, Result};
-use sagnac_board::Message;
+use sagnac_board::{Commit, Message};
 use sagnac_core::{Image, MAX_SEQUENCE, SignatureBlock};
 use sagnac_log::ingest::{hex, sha256};
 use sagnac_log::write::write_bytes;
@@ -258,7 +258,7 @@ fn signed_before(args: &Args) -> Result<Option<SignatureBlock>> {
 
 /// The pieces of an image and the word to commit it.
 fn upload(image: &[u8], trial: bool) -> Result<Vec<u8>> {
-    let commit = Message::Commit { len: image.len() as u16, trial };
+    let commit = Message::Commit(Commit { len: image.len() as u16, trial });
     let frames: Result<Vec<_>> = Message::pieces(image).chain([commit]).map(|message| frame_bytes(&message)).collect();
     Ok(frames?.concat())
 }

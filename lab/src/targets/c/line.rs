@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use sagnac_board::{CommandHandler, MemoryFlash, Message, RigSettings, Row, run};
+use sagnac_board::{CommandHandler, Commit, MemoryFlash, Message, RigSettings, Row, run};
 use sagnac_core::{Banks, Description, Gyro, Image, Trust};
 use sagnac_signature::{Keyed, Signer};
 use xtask::shell::{root, stdout_of, text};
@@ -222,7 +222,7 @@ fn upload(throws: &mut Throws, paper: &Image, signer: Option<&Signer>, number: &
         }
         bytes.extend(block);
     }
-    let commit = Message::Commit { len: bytes.len() as u16, trial: throws.below(3) == 0 };
+    let commit = Message::Commit(Commit { len: bytes.len() as u16, trial: throws.below(3) == 0 });
     Ok(Message::pieces(&bytes).chain([commit]).collect())
 }
 

@@ -23,7 +23,7 @@ impl Upload {
         let frames = bytes.iter().filter_map(|byte| reader.push(*byte));
         let mut pieces: Vec<Message> = frames.filter_map(|frame| Message::parse(&frame)).collect();
         let commit = pieces.pop().context("an upload without a message")?;
-        ensure!(matches!(commit, Message::Commit { .. }), "an upload that does not end with its commit: {commit:?}");
+        ensure!(matches!(commit, Message::Commit(_)), "an upload that does not end with its commit: {commit:?}");
         ensure!(pieces.len() > 3, "an upload of {} pieces cannot be cut in its middle", pieces.len());
         Ok(Self { pieces, commit })
     }
@@ -145,10 +145,12 @@ pub(super) fn lost(outputs: &[Output]) -> u32 {
 
 #[cfg(test)]
 mod tests {
+    use sagnac_board::Commit;
+
     use super::*;
 
     fn upload(image: &[u8]) -> Upload {
-        let messages = Message::pieces(image).chain([Message::Commit { len: image.len() as u16, trial: true }]);
+        let messages = Message::pieces(image).chain([Message::Commit(Commit { len: image.len() as u16, trial: true })]);
         let bytes: Vec<u8> = messages.flat_map(|message| bytes_of(&message).unwrap()).collect();
         Upload::read(&bytes).unwrap()
     }

@@ -9,8 +9,8 @@ use std::process::Command;
 use anyhow::{Context, Result, bail, ensure};
 use sagnac_board::frame::FrameReader;
 use sagnac_board::{
-    ANSWER, COMMIT, CommandHandler, MemoryFlash, Message, Output, PIECE, POWER_ON, Reply, ReplyCode, RigSettings, Row,
-    run,
+    ANSWER, COMMIT, CommandHandler, Commit, MemoryFlash, Message, Output, PIECE, POWER_ON, Reply, ReplyCode,
+    RigSettings, Row, run,
 };
 use sagnac_core::{Banks, Gyro, Image, Origin};
 use sagnac_loops::LoopTable;
@@ -160,7 +160,7 @@ fn signed_messages(unit: &Unit, signer: &Signer) -> Result<Vec<u8>> {
     let loops = LoopTable::decode(&fs::read(&unit.loops)?)?;
     let row = Row { ticks: ROW_SECONDS * 10_000, counts: ROW_COUNTS, present: 1, codes: [20 << 24, 0, 0, 0] };
     let upload = |bytes: &[u8]| -> Vec<Message> {
-        Message::pieces(bytes).chain([Message::Commit { len: bytes.len() as u16, trial: false }]).collect()
+        Message::pieces(bytes).chain([Message::Commit(Commit { len: bytes.len() as u16, trial: false })]).collect()
     };
     let mut messages = vec![Message::Settings(settings(&loops, 0)), Message::Row(row)];
     messages.extend(upload(&image));
@@ -225,7 +225,7 @@ fn messages(unit: &Unit, dither_counts: u32, seconds: usize) -> Result<(Vec<u8>,
         };
         for image in images {
             Message::pieces(image).try_for_each(&mut send)?;
-            send(Message::Commit { len: image.len() as u16, trial: false })?;
+            send(Message::Commit(Commit { len: image.len() as u16, trial: false }))?;
         }
         if second_of_run == seconds * 2 / 3 {
             send(Message::RollBack)?;

@@ -210,8 +210,8 @@ fn messages(path: &Path, console: &mut Console) -> Result<bool> {
     let parts = [
         (count(|m| matches!(m, Message::Output(_))), "output frame", "output frames"),
         (count(|m| matches!(m, Message::Reply(_))), "reply", "replies"),
-        (count(|m| matches!(m, Message::Piece { .. })), "piece of an image", "pieces of an image"),
-        (count(|m| matches!(m, Message::Commit { .. })), "commit", "commits"),
+        (count(|m| matches!(m, Message::Piece(_))), "piece of an image", "pieces of an image"),
+        (count(|m| matches!(m, Message::Commit(_))), "commit", "commits"),
     ];
     let rest = all.len() - parts.iter().map(|(n, ..)| n).sum::<usize>();
     let parts = parts.into_iter().chain([(rest, "other", "others")]).filter(|(n, ..)| *n > 0);
