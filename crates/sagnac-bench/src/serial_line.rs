@@ -1,6 +1,6 @@
 //! What a gyro says on its serial line, in words, and its clock over wraps and restarts.
 
-use sagnac_board::{ANSWER, COMMIT, CONFIRM, Output, PIECE, POWER_ON, ROLL_BACK, Reply, ReplyCode, SERVICE};
+use sagnac_board::{KINDS, Message, Output, POWER_ON, Reply, ReplyCode};
 use sagnac_core::{Origin, Status};
 use sagnac_loops::{IntensityStatus, PathLengthStatus};
 
@@ -45,16 +45,8 @@ impl OutputClock {
 
 /// A reply in words.
 pub fn reply_words(reply: &Reply) -> String {
-    let what = match reply.to {
-        POWER_ON => "power-on",
-        PIECE => "piece of an image",
-        COMMIT => "commit of an image",
-        ROLL_BACK => "roll back",
-        CONFIRM => "confirmation",
-        SERVICE => "service mode",
-        ANSWER => "answer to a challenge",
-        _ => "message",
-    };
+    let kind = KINDS.iter().find(|kind| kind.number == reply.to).map_or("message", |kind| kind.label);
+    let what = if reply.to == POWER_ON { "power-on" } else { kind };
     let became = match reply.code {
         ReplyCode::Done => "done",
         ReplyCode::NotAnImage => "refused: not an image, or damaged",
@@ -82,7 +74,7 @@ pub fn reply_words(reply: &Reply) -> String {
 
 /// True for the reply to a piece that was taken, of which an upload has many.
 pub fn is_piece_done(reply: &Reply) -> bool {
-    reply.to == PIECE && reply.code == ReplyCode::Done
+    reply.to == Message::PIECE && reply.code == ReplyCode::Done
 }
 
 /// Where the active image of an output comes from.

@@ -10,7 +10,7 @@
 use std::error::Error;
 
 use sagnac_board::frame::FrameReader;
-use sagnac_board::{COMMIT, CommandHandler, Commit, MemoryFlash, Message, PIECE, ReplyCode, Row, run};
+use sagnac_board::{CommandHandler, Commit, MemoryFlash, Message, ReplyCode, Row, run};
 use sagnac_core::{Banks, Gyro, Image, Status};
 use sagnac_loops::LoopTable;
 
@@ -47,10 +47,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     for byte in from_board {
         match reader.push(byte).and_then(|frame| Message::parse(&frame)) {
             Some(Message::Output(output)) => statuses.push(output.status),
-            Some(Message::Reply(reply)) if reply.to == PIECE => {
+            Some(Message::Reply(reply)) if reply.to == Message::PIECE => {
                 accepted_pieces += i32::from(reply.code == ReplyCode::Done)
             }
-            Some(Message::Reply(reply)) if reply.to == COMMIT => committed = Some((reply.code, reply.sequence)),
+            Some(Message::Reply(reply)) if reply.to == Message::COMMIT => {
+                committed = Some((reply.code, reply.sequence))
+            }
             _ => {}
         }
     }

@@ -44,12 +44,9 @@ pub use handler::{Action, CommandHandler, TickHandler, run};
 pub use hardware::{Axis, Converters, FringeCounter, PwmOutput, SpiDac, TickClock};
 pub use line::Line;
 pub use memory_flash::{MemoryFlash, MemoryFlashError};
-pub use message::{
-    ANSWER, CHALLENGE, COMMIT, CONFIRM, Commit, Direction, KINDS, Kind, Message, OUTPUT, OUTPUT_LEN, Output, PIECE,
-    POWER_ON, Piece, REPLY, ROLL_BACK, Reply, ReplyCode, SERVICE,
-};
+pub use message::{Commit, Direction, KINDS, Kind, Message, OUTPUT_LEN, Output, POWER_ON, Piece, Reply, ReplyCode};
 #[cfg(feature = "rig")]
-pub use message::{ROW, RigSettings, Row, SETTINGS, STOP};
+pub use message::{RigSettings, Row};
 #[cfg(feature = "rig")]
 pub use rig::Rig;
 pub use upload::{Handled, Upload};

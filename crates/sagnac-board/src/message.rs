@@ -36,6 +36,8 @@ pub enum Direction {
 pub struct Kind {
     /// Its name in C.
     pub name: &'static str,
+    /// Its name in words.
+    pub label: &'static str,
     /// Its number in the frame.
     pub number: u8,
     /// Who sends it to whom.
@@ -51,11 +53,8 @@ macro_rules! messages {
     ($(
         #[doc = $effect:literal]
         $(#[cfg($condition:meta)])?
-        $name:ident = $number:literal, $variant:ident $(($payload:ty))?, $direction:ident, $words:literal;
+        $name:ident = $number:literal $label:literal, $variant:ident $(($payload:ty))?, $direction:ident, $words:literal;
     )*) => {
-        $($(#[cfg($condition)])? #[doc = concat!("Kind of [`Message::", stringify!($variant), "`], as in [`Reply::to`].")]
-        pub const $name: u8 = $number;)*
-
         /// All messages of the serial line.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub enum Message {
@@ -65,6 +64,7 @@ macro_rules! messages {
         /// Every kind, in the order of its number.
         pub const KINDS: &[Kind] = &[$($(#[cfg($condition)])? Kind {
             name: stringify!($name),
+            label: $label,
             number: $number,
             direction: Direction::$direction,
             payload: $words,
@@ -72,10 +72,13 @@ macro_rules! messages {
         },)*];
 
         impl Message {
+            $($(#[cfg($condition)])? #[doc = concat!("Kind of [`Self::", stringify!($variant), "`], as in [`Reply::to`].")]
+            pub const $name: u8 = $number;)*
+
             /// Its kind: the number in the frame.
             pub const fn kind(&self) -> u8 {
                 match self {
-                    $($(#[cfg($condition)])? Self::$variant { .. } => $name,)*
+                    $($(#[cfg($condition)])? Self::$variant { .. } => Self::$name,)*
                 }
             }
 
@@ -92,7 +95,7 @@ macro_rules! messages {
             pub fn parse(frame: &Frame) -> Option<Self> {
                 let mut r = Reader::new(frame.payload());
                 let message = match frame.kind {
-                    $($(#[cfg($condition)])? $name => Self::$variant $((<$payload as Payload>::take(&mut r)?))?,)*
+                    $($(#[cfg($condition)])? Self::$name => Self::$variant $((<$payload as Payload>::take(&mut r)?))?,)*
                     _ => return None,
                 };
                 r.is_empty().then_some(message)
@@ -103,32 +106,32 @@ macro_rules! messages {
 
 messages! {
     /// Corrected counts and status, every 100 ticks.
-    OUTPUT = 0x01, Output(Output), FromGyro, "33 bytes, below";
+    OUTPUT = 0x01 "output", Output(Output), FromGyro, "33 bytes, below";
     /// The result of a message, and which image runs.
-    REPLY = 0x02, Reply(Reply), FromGyro, "7 bytes, below";
+    REPLY = 0x02 "reply", Reply(Reply), FromGyro, "7 bytes, below";
     /// A gyro with a key asks: sign this ([`sagnac_core::service_message`]) to open the service mode.
-    CHALLENGE = 0x03, Challenge([u8; CHALLENGE_LEN]), FromGyro, "16 bytes";
+    CHALLENGE = 0x03 "challenge", Challenge([u8; CHALLENGE_LEN]), FromGyro, "16 bytes";
     /// The parameters of the rig. The board starts again.
     #[cfg(feature = "rig")]
-    SETTINGS = 0x10, Settings(RigSettings), ToRig, "31 bytes: `RigSettings`";
+    SETTINGS = 0x10 "settings of the rig", Settings(RigSettings), ToRig, "31 bytes: `RigSettings`";
     /// Run one row of a log.
     #[cfg(feature = "rig")]
-    ROW = 0x11, Row(Row), ToRig, "u32 ticks, i32 counts, u8 bits of the inputs that have a sample, 4 × i32 codes";
+    ROW = 0x11 "row of a log", Row(Row), ToRig, "u32 ticks, i32 counts, u8 bits of the inputs that have a sample, 4 × i32 codes";
     /// A piece of an image; in any order, as often as needed.
-    PIECE = 0x20, Piece(Piece), ToGyro, "u16 offset, up to 60 bytes";
+    PIECE = 0x20 "piece of an image", Piece(Piece), ToGyro, "u16 offset, up to 60 bytes";
     /// The image is complete: the gyro checks it, stores it in the other bank, reads it back and uses it from the next tick on.
-    COMMIT = 0x21, Commit(Commit), ToGyro, "u16 length, u8 1 on trial or 0";
+    COMMIT = 0x21 "commit of an image", Commit(Commit), ToGyro, "u16 length, u8 1 on trial or 0";
     /// Go back to the image before this one.
-    ROLL_BACK = 0x22, RollBack, ToGyro, "";
+    ROLL_BACK = 0x22 "roll back", RollBack, ToGyro, "";
     /// The image on trial has proved itself.
-    CONFIRM = 0x23, Confirm, ToGyro, "";
+    CONFIRM = 0x23 "confirmation", Confirm, ToGyro, "";
     /// Open the service mode: a gyro with a key answers with a challenge.
-    SERVICE = 0x24, Service, ToGyro, "";
+    SERVICE = 0x24 "service mode", Service, ToGyro, "";
     /// The signature of the challenge.
-    ANSWER = 0x25, Answer([u8; 64]), ToGyro, "64 bytes";
+    ANSWER = 0x25 "answer to a challenge", Answer([u8; 64]), ToGyro, "64 bytes";
     /// The end of the run.
     #[cfg(feature = "rig")]
-    STOP = 0x30, Stop, ToRig, "";
+    STOP = 0x30 "stop", Stop, ToRig, "";
 }
 
 /// Fields of a payload, little-endian, one after the other.

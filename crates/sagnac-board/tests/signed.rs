@@ -1,10 +1,7 @@
 //! A board with a key: what is not signed for it, in order, and asked for, changes nothing.
 
 use sagnac_board::frame::FrameReader;
-use sagnac_board::{
-    ANSWER, COMMIT, CONFIRM, CommandHandler, Commit, Handled, MemoryFlash, Message, ROLL_BACK, Reply, ReplyCode,
-    RigSettings, Upload, run,
-};
+use sagnac_board::{CommandHandler, Commit, Handled, MemoryFlash, Message, Reply, ReplyCode, RigSettings, Upload, run};
 use sagnac_core::{Banks, Description, Gyro, Image, NoKey, Origin, SIGNATURE_LEN, TRIAL_STARTS, Trust};
 use sagnac_loops::LoopTable;
 use sagnac_signature::{Keyed, Signer};
@@ -222,16 +219,16 @@ fn a_trial_over_the_line_ends_by_itself() {
     };
     let on = Message::Settings(RigSettings::default());
     // Each run is a power-on too.
-    assert_eq!(said(&upload(1, false)).last(), Some(&(COMMIT, 1, false)));
-    assert_eq!(said(&upload(2, true)).last(), Some(&(COMMIT, 2, true)));
+    assert_eq!(said(&upload(1, false)).last(), Some(&(Message::COMMIT, 1, false)));
+    assert_eq!(said(&upload(2, true)).last(), Some(&(Message::COMMIT, 2, true)));
     let starts = said(&[on; 4]);
     assert_eq!(starts, [(0, 2, true), (0, 2, true), (0, 2, true), (0, 2, true), (0, 1, false)]);
     assert_eq!(starts.len() as u32, TRIAL_STARTS + 1);
-    assert_eq!(said(&upload(3, true)).last(), Some(&(COMMIT, 3, true)));
-    assert_eq!(said(&[on, Message::Confirm]).last(), Some(&(CONFIRM, 3, false)));
+    assert_eq!(said(&upload(3, true)).last(), Some(&(Message::COMMIT, 3, true)));
+    assert_eq!(said(&[on, Message::Confirm]).last(), Some(&(Message::CONFIRM, 3, false)));
     assert_eq!(said(&[on; 9]), [(0, 3, false); 10]);
-    assert_eq!(said(&[Message::RollBack]).last(), Some(&(ROLL_BACK, 1, false)));
-    assert_eq!(said(&[Message::Answer([0; 64])]).last().map(|(to, ..)| *to), Some(ANSWER));
+    assert_eq!(said(&[Message::RollBack]).last(), Some(&(Message::ROLL_BACK, 1, false)));
+    assert_eq!(said(&[Message::Answer([0; 64])]).last().map(|(to, ..)| *to), Some(Message::ANSWER));
 }
 
 /// The beginning of a frame that never ends does not hold up the next one, once the line has been quiet.

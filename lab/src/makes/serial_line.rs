@@ -28,12 +28,7 @@ pub(crate) fn make() -> Result<Vec<Made>> {
                 kind.effect.trim().replace("[`sagnac_core::service_message`]", "`service_message`"),
                 format!("{:02x}", kind.number),
             ];
-            writeln!(
-                table,
-                "| {number} {} | {} | {effect} |",
-                kind.name.to_lowercase().replace('_', " "),
-                kind.payload
-            )?;
+            writeln!(table, "| {number} {} | {} | {effect} |", kind.label, kind.payload)?;
         }
         page = between_marks(&page, &marks(name, "serial-line"), &table)?;
     }

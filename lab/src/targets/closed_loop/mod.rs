@@ -20,7 +20,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use sagnac_board::{COMMIT, CONFIRM, Message, POWER_ON, ROLL_BACK, Reply, ReplyCode, RigSettings, Row};
+use sagnac_board::{Message, POWER_ON, Reply, ReplyCode, RigSettings, Row};
 use sagnac_core::Origin;
 use sagnac_log::setup::Setup;
 use sagnac_loops::LoopTable;
@@ -61,7 +61,7 @@ pub(crate) fn closed_loop(args: &[&str]) -> Result<()> {
     unit.uploaded(&mut target, &old, &upload)?;
     let second = unit.cycle(&mut target, "cycle-2", FITTED)?;
     unit.verified(&second.record)?;
-    is(target.ask(&Message::RollBack, &old.soak)?, ROLL_BACK, FACTORY, false)?;
+    is(target.ask(&Message::RollBack, &old.soak)?, Message::ROLL_BACK, FACTORY, false)?;
     println!("check: image {FACTORY} lies whole in the other bank: a roll back puts it in force");
     let said = target.stop()?;
     println!("check: the firmware has ended in order: {}", said.trim());
@@ -126,7 +126,7 @@ impl Unit {
         let upload = Upload::read(&self.read("factory.up")?)?;
         let shelf = Row { ticks: FRAME_TICKS, counts: 7, present: 1, codes: [20 << 24, 0, 0, 0] };
         let reply = Old { sequence: 0, soak: shelf }.send(target, &upload)?;
-        is(reply, COMMIT, FACTORY, false)?;
+        is(reply, Message::COMMIT, FACTORY, false)?;
         println!("check: the gyro leaves the factory with image {FACTORY}");
         target.idle()
     }
@@ -186,12 +186,12 @@ impl Unit {
     /// The whole upload is taken on trial while ticks run, and confirmed.
     fn uploaded(&self, target: &mut Target, old: &Old, upload: &Upload) -> Result<()> {
         let before = target.outputs.len();
-        is(old.send(target, upload)?, COMMIT, FITTED, true)?;
+        is(old.send(target, upload)?, Message::COMMIT, FITTED, true)?;
         old.frames_say(target, true)?;
         self.sagnac(&["line", "send", "confirm", "-o", "confirm.bin"])?;
         let confirm = self.read("confirm.bin")?;
         ensure!(confirm == target::bytes_of(&Message::Confirm)?, "`sagnac line send confirm` makes another message");
-        is(target.ask(&Message::Confirm, &old.soak)?, CONFIRM, FITTED, false)?;
+        is(target.ask(&Message::Confirm, &old.soak)?, Message::CONFIRM, FITTED, false)?;
         old.frames_say(target, false)?;
         let during = target.outputs.get(before..).unwrap_or(&[]);
         ensure!(lost(during) == 0, "the upload costs frames");

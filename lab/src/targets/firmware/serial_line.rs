@@ -9,8 +9,7 @@ use std::process::Command;
 use anyhow::{Context, Result, bail, ensure};
 use sagnac_board::frame::FrameReader;
 use sagnac_board::{
-    ANSWER, COMMIT, CommandHandler, Commit, MemoryFlash, Message, Output, PIECE, POWER_ON, Reply, ReplyCode,
-    RigSettings, Row, run,
+    CommandHandler, Commit, MemoryFlash, Message, Output, POWER_ON, Reply, ReplyCode, RigSettings, Row, run,
 };
 use sagnac_core::{Banks, Gyro, Image, Origin};
 use sagnac_loops::LoopTable;
@@ -110,17 +109,17 @@ pub(super) fn signed_while_ticks_run(sysroot: &Path, folder: &Path, unit: &Unit)
     let (answers, frames) = said(&over_the_line(folder, signed_messages(unit, &signer)?)?.0);
     let refused_and_done = [
         Message::Challenge([1; 16]),
-        answer_to(ANSWER, ReplyCode::Done, 0),
-        answer_to(COMMIT, ReplyCode::Unsigned, 0),
-        answer_to(COMMIT, ReplyCode::BadSignature, 0),
-        answer_to(COMMIT, ReplyCode::Done, 1),
+        answer_to(Message::ANSWER, ReplyCode::Done, 0),
+        answer_to(Message::COMMIT, ReplyCode::Unsigned, 0),
+        answer_to(Message::COMMIT, ReplyCode::BadSignature, 0),
+        answer_to(Message::COMMIT, ReplyCode::Done, 1),
     ];
     let answers: Vec<(usize, Message)> = answers
         .into_iter()
-        .filter(|(_, m)| !matches!(m, Message::Reply(r) if r.to == PIECE || r.to == POWER_ON))
+        .filter(|(_, m)| !matches!(m, Message::Reply(r) if r.to == Message::PIECE || r.to == POWER_ON))
         .collect();
     let (locked, rest) = answers.split_first().context("no answer")?;
-    ensure!(locked.1 == answer_to(COMMIT, ReplyCode::Locked, 0), "outside of the service mode: {locked:?}");
+    ensure!(locked.1 == answer_to(Message::COMMIT, ReplyCode::Locked, 0), "outside of the service mode: {locked:?}");
     ensure!(rest.iter().map(|(_, m)| *m).eq(refused_and_done), "the board answers {rest:?}");
     let stored_at = rest.last().map_or(usize::MAX, |(frame, _)| *frame);
     let whole = ROW_SECONDS as usize * 100;
