@@ -4,10 +4,10 @@ use crate::calibration::log_files;
 use crate::calibration::{
     AxisCorrection, Calibration, FORMAT, MINOR_VERSION, Provenance, Target, UNASSIGNED, VERSION, program,
 };
-use crate::diagnostics::{AxisReportData, ReportData, offsets_hide_drift, points, ramp_rates_cpm, run_spans};
+use crate::diagnostics::{ReportData, run_spans};
 use crate::fit::options::{FitOptions, check_with_prior};
 use crate::fit::problem::exclusions::check as check_exclusions;
-use crate::fit::record::axis::{count_of, fit_axis, hysteresis, scatter};
+use crate::fit::record::axis::{count_of, fit_axis};
 use crate::image::rate_unit;
 use crate::rate_table::input::RateTableInput;
 use crate::window::{WindowShape, Windows};
@@ -46,39 +46,14 @@ pub fn calibrate_with_report_data(
     }
     check_exclusions(&windows)?;
     RateTableInput::leave_out_unknown(&mut windows, stated)?;
-    let runs = run_spans(&windows);
     let (mut axes, mut drawn) = (Vec::new(), Vec::new());
     for axis in 0..windows.shape.axes.len() {
-        let (mut record, drawn_of) =
-            fit_axis(&windows, axis, sensor, stated, options).map_err(|e| of_file(e, &windows))?;
-        let constant = |i: usize| {
-            let run = windows.rows.run[i];
-            record.run_offsets.iter().find(|offset| offset.run == run).map_or(f64::NAN, |c| c.value_dph)
-        };
-        // Rotation of a table is not drift: known for every used window, unknown for the others.
-        let shown = |i: usize| drawn_of.windows.get(&i);
-        let before = |i: usize| {
-            if record.turned() {
-                shown(i).map_or(f64::NAN, |shown| shown.before)
-            } else {
-                windows.rate_dph(axis, i) - constant(i)
-            }
-        };
-        let after = |i: usize| shown(i).map_or(f64::NAN, |shown| shown.after);
-        let mut points = points(&windows, &runs, Some(sensor), before, after);
-        for (i, shown) in &drawn_of.windows {
-            points[*i].inputs_dph = shown.inputs;
-        }
-        if let Some(fit) = &mut record.fit {
-            fit.hysteresis = hysteresis(&points, &fit.residual);
-            fit.ramp_rates_cpm = ramp_rates_cpm(&points);
-            let offsets: Vec<f64> = record.run_offsets.iter().map(|offset| offset.value_dph).collect();
-            fit.hidden_in_offsets_dph = offsets_hide_drift(&points).then(|| scatter(&offsets));
-        }
-        drawn.push(AxisReportData { axis: windows.shape.axes[axis], points, effects: drawn_of.effects });
+        let fitted = fit_axis(&windows, axis, sensor, stated, options);
+        let (record, of_report) = fitted.map_err(|e| of_file(e, &windows))?;
         axes.push(record);
+        drawn.push(of_report);
     }
-    let report_data = ReportData { runs, timed: windows.shape.timed, axes: drawn };
+    let report_data = ReportData { runs: run_spans(&windows), timed: windows.shape.timed, axes: drawn };
     let shape = &windows.shape;
     let target = Target::of(stated)?;
     let unit = match count_of(&windows, stated) {

@@ -4,7 +4,7 @@ use crate::calibration::{
     AxisCalibration, AxisCorrection, Collinearity, CorrectionNoise, FitDiagnostics, Hysteresis, LogUnit, PriorUse,
     Residual, RunOffset, Target, TimeEffect, TimeEffectKind,
 };
-use crate::diagnostics::{Point, hysteresis_of, points, run_spans};
+use crate::diagnostics::{AxisReportData, Point, hysteresis_of, offsets_hide_drift, points, ramp_rates_cpm, run_spans};
 use crate::fit::one_model::effects::Parts;
 use crate::fit::one_model::recorded::{recorded_inputs, terms};
 use crate::fit::one_model::residual_noise::ResidualNoise;
@@ -56,7 +56,7 @@ pub(crate) fn fit_axis(
     sensor: usize,
     setup: &Setup,
     options: &FitOptions,
-) -> Result<(AxisCalibration, Drawn)> {
+) -> Result<(AxisCalibration, AxisReportData)> {
     let letter = windows.shape.axes[axis];
     let reference_c = setup.reference_c();
     let turning = RateTableInput::of(windows, axis, setup)?;
@@ -136,7 +136,20 @@ pub(crate) fn fit_axis(
     };
     // A prior's uncertainty is in its covariance.
     let record = if options.prior.is_some() { record } else { with_uncertainty(record, &one, sensor) };
-    Ok((record, drawn))
+    let points = drawn.points(&record, windows, axis, sensor);
+    Ok((with_profile(record, &points), AxisReportData { axis: letter, points, effects: drawn.effects }))
+}
+
+/// With what its windows show next to the fit: heating against cooling, ramps, and a drift that the offsets of the runs hide.
+fn with_profile(record: AxisCalibration, points: &[Point]) -> AxisCalibration {
+    let offsets: Vec<f64> = record.run_offsets.iter().map(|offset| offset.value_dph).collect();
+    let fit = record.fit.map(|fit| FitDiagnostics {
+        hysteresis: hysteresis(points, &fit.residual),
+        ramp_rates_cpm: ramp_rates_cpm(points),
+        hidden_in_offsets_dph: offsets_hide_drift(points).then(|| scatter(&offsets)),
+        ..fit
+    });
+    AxisCalibration { fit, ..record }
 }
 
 /// With what other models, more soaking and what moved together make of the curve: of the test alone.
@@ -194,7 +207,7 @@ fn one_fit<'a>(
 }
 
 /// σ of some values about their mean.
-pub(crate) fn scatter(values: &[f64]) -> f64 {
+fn scatter(values: &[f64]) -> f64 {
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt()
@@ -202,7 +215,7 @@ pub(crate) fn scatter(values: &[f64]) -> f64 {
 
 /// Hysteresis before and after the fit; the standard error of both is that of the residuals, widened by their
 /// correlation.
-pub(crate) fn hysteresis(points: &[Point], residual: &Residual) -> Option<Hysteresis> {
+fn hysteresis(points: &[Point], residual: &Residual) -> Option<Hysteresis> {
     let rho = residual.lag1_autocorrelation;
     let sigma_dph = residual.sigma_dph * ((1.0 + rho) / (1.0 - rho)).sqrt();
     let before = hysteresis_of(points, LEAST_OF_LEG, |p| p.before_dph)?;

@@ -1,11 +1,13 @@
 //! What a report draws of a fit: its windows before and after, and the effect of each input.
 
-use crate::diagnostics::Effect;
+use crate::calibration::AxisCalibration;
+use crate::diagnostics::{Effect, Point, points, run_spans};
 use crate::fit::one_model::effects::Parts;
 use crate::fit::one_model::solution::Fitted;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::rows::TermColumn;
 use crate::model::ActsOn;
+use crate::window::Windows;
 use std::collections::BTreeMap;
 
 /// A used window, °/h.
@@ -40,5 +42,23 @@ impl Drawn {
         };
         let windows = (0..problem.len()).map(|row| (problem.used[row], shown(row))).collect();
         Self { windows, effects: parts.effects() }
+    }
+
+    /// Every window of the axis, before less its run offset, after where the fit used it.
+    pub(crate) fn points(&self, record: &AxisCalibration, windows: &Windows, axis: usize, sensor: usize) -> Vec<Point> {
+        let constant = |i: usize| {
+            let run = windows.rows.run[i];
+            record.run_offsets.iter().find(|offset| offset.run == run).map_or(f64::NAN, |offset| offset.value_dph)
+        };
+        // Rotation of a table is not drift: known for every used window, unknown for the others.
+        let shown = |i: usize| self.windows.get(&i);
+        let before = |i: usize| match record.turned() {
+            true => shown(i).map_or(f64::NAN, |shown| shown.before),
+            false => windows.rate_dph(axis, i) - constant(i),
+        };
+        let after = |i: usize| shown(i).map_or(f64::NAN, |shown| shown.after);
+        let points = points(windows, &run_spans(windows), Some(sensor), before, after).into_iter().enumerate();
+        let inputs = |i: usize, point: &Point| shown(i).map_or(point.inputs_dph, |shown| shown.inputs);
+        points.map(|(i, point)| Point { inputs_dph: inputs(i, &point), ..point }).collect()
     }
 }
