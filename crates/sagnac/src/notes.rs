@@ -61,7 +61,9 @@ impl Note {
     }
 }
 
-/// A residual of this many noise floors is worth a warning.
+/// A residual that is larger than the whole noise by less is not worth a warning, however sure.
+const WORTH_NAMING: f64 = 1.3;
+/// A residual of this many noise floors is worth a note.
 const UNEXPLAINED: f64 = 3.0;
 /// A residual below this fraction of the noise floor is not noise alone.
 const BELOW_FLOOR: f64 = 0.9;
@@ -107,14 +109,7 @@ impl AxisCalibration {
 
 /// A residual, a curve or runs that noise does not explain.
 fn of_noise(fit: &FitDiagnostics, notes: &mut Vec<Note>) {
-    let over = fit.noise_floor.as_ref().map_or(0.0, |floor| fit.residual.sigma_dph / floor.value_dph);
-    if over > UNEXPLAINED {
-        let text = format!(
-            "the residual is {} times the noise floor: this model does not explain the log (a step, a disturbance, a missing input)",
-            significant(over, 2)
-        );
-        notes.push(Note::of(NoteLevel::Warning, NoteAbout::Fit, text));
-    }
+    notes.extend(unexplained(fit));
     notes.extend(fit.lack_of_fit.iter().map(|lack| Note::of(NoteLevel::Warning, NoteAbout::Curve, lack.note())));
     if fit.noise_exceeds_setup {
         let text = "the log shows more noise than the setup states: intervals go by the log";
@@ -127,6 +122,28 @@ fn of_noise(fit: &FitDiagnostics, notes: &mut Vec<Note>) {
         );
         Note::of(NoteLevel::Fact, NoteAbout::Fit, text)
     }));
+}
+
+/// A residual beyond the gyro's own noise; where that is not known, one well beyond white noise.
+fn unexplained(fit: &FitDiagnostics) -> Option<Note> {
+    let sigma_dph = fit.residual.sigma_dph;
+    if let Some(whole) = &fit.whole_noise {
+        let times = sigma_dph / whole.sigma_dph;
+        let text = format!(
+            "the residual is {} times the gyro's own noise, {} °/h by the {}: this model does not explain the log (a step, a disturbance, a missing input)",
+            significant(times, 2),
+            significant(whole.sigma_dph, 2),
+            whole.source
+        );
+        let is_beyond = sigma_dph > whole.bound_dph && times > WORTH_NAMING;
+        return is_beyond.then(|| Note::of(NoteLevel::Warning, NoteAbout::Fit, text));
+    }
+    let times = sigma_dph / fit.noise_floor.as_ref()?.value_dph;
+    let text = format!(
+        "the residual is {} times the white noise floor: a soak of an hour, or B under [noise], tells slow noise from a step or a missing input",
+        significant(times, 2)
+    );
+    (times > UNEXPLAINED).then(|| Note::of(NoteLevel::Note, NoteAbout::Fit, text))
 }
 
 /// Effects of time, inputs that moved together, and what the search rejected.

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::{
     Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread, Entanglement, Hysteresis, Input, LackOfFit,
     Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput, RejectedModel, Residual, RunOffset, ScaleFactor,
-    SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp,
+    SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp, WholeNoise,
 };
 
 /// Makes [`FitDiagnostics`] and [`AxisRecord`] of one list of diagnostics, in the order of the file.
@@ -105,6 +105,8 @@ diagnostics! {
     after {
         /// Noise floor; null where neither measured nor given.
         [] noise_floor: Option<NoiseFloor>,
+        /// The residual by noise alone; absent without soaks of an hour or a stated B or K.
+        [default, skip_serializing_if = "Option::is_none"] whole_noise: Option<WholeNoise>,
         /// Heating against cooling; absent where the test does not hold both.
         [default, skip_serializing_if = "Option::is_none"] hysteresis: Option<Hysteresis>,
         /// What the selection of the model, and a lag that is not resolved, add to the uncertainty of the curve; absent where nothing.

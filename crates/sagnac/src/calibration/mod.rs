@@ -27,7 +27,9 @@ mod uncertainty;
 pub use crate::calibration::axis::{AxisCalibration, AxisCorrection, NonlinearParameter};
 pub use crate::calibration::axis_record::FitDiagnostics;
 pub use crate::calibration::input::{Input, InputSource, Lag};
-pub use crate::calibration::of_fit::{Candidate, CrossValidation, Monomial, NoiseFloor, Residual, RunOffset};
+pub use crate::calibration::of_fit::{
+    Candidate, CrossValidation, Monomial, NoiseFloor, Residual, RunOffset, WholeNoise,
+};
 pub use crate::calibration::profile::{Entanglement, MovedTogether, TimeEffect, TimeEffectKind, WarmUp};
 pub(crate) use crate::calibration::provenance::log_files;
 pub use crate::calibration::provenance::{LogFile, Provenance, program};

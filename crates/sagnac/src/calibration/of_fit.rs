@@ -67,6 +67,19 @@ pub struct NoiseFloor {
     pub source: String,
 }
 
+/// The residual that the gyro's noise alone makes, white and slow.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct WholeNoise {
+    /// Expected σ of the windows about the means of their runs, °/h.
+    pub sigma_dph: f64,
+    /// Fewer than 2 % of tests have a larger σ by noise alone, °/h.
+    pub bound_dph: f64,
+    /// `soaks` of this test, or the `setup`.
+    pub source: String,
+}
+
 /// Held-out residual.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[non_exhaustive]

@@ -14,7 +14,7 @@ pub const FORMAT: &str = "sagnac-calibration";
 /// Value of `Calibration::version`: a change of meaning or a field less raises it.
 pub const VERSION: u32 = 2;
 /// Value of `Calibration::minor_version`: a field or a shape more raises it.
-pub const MINOR_VERSION: u32 = 4;
+pub const MINOR_VERSION: u32 = 5;
 /// Serial of a calibration whose gyro was not named.
 pub const UNASSIGNED: &str = "unassigned";
 

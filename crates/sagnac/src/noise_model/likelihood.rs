@@ -49,7 +49,15 @@ impl Rows {
 
     /// Rows of which there are so many in all blocks, averaged so that there are [`MOST_ROWS`] in all; and which of them each has for [`mean`].
     pub(crate) fn averaged(rows: NoiseRows<'_>, all: usize) -> (Self, Vec<Range<usize>>) {
-        let at_a_time = all.div_ceil(MOST_ROWS);
+        Self::grouped(rows, all.div_ceil(MOST_ROWS))
+    }
+
+    /// About so many rows at most, each the mean of neighbours; and which of them each has.
+    pub(crate) fn at_most(rows: NoiseRows<'_>, most: usize) -> (Self, Vec<Range<usize>>) {
+        Self::grouped(rows, rows.len().div_ceil(most))
+    }
+
+    fn grouped(rows: NoiseRows<'_>, at_a_time: usize) -> (Self, Vec<Range<usize>>) {
         let groups = groups(rows, at_a_time);
         let averaged = Self {
             run: groups.iter().map(|group| rows.run[group.start]).collect(),
@@ -95,7 +103,21 @@ pub(crate) struct Block {
     pub(crate) columns: DMatrix<f64>,
 }
 
+/// Columns that add less than this part of the largest are none of their own.
+const LEAST_PART: f64 = 1e-6;
+
 impl Block {
+    /// Rows with columns of their own that are no noise, made to stand at right angles; columns that depend on others are left out. `None`
+    /// where they have no such form.
+    pub(crate) fn at_right_angles(rows: Rows, columns: DMatrix<f64>, measured: impl Fn(usize) -> f64) -> Option<Self> {
+        let svd = columns.svd(true, false);
+        let least = LEAST_PART * svd.singular_values.max();
+        let own = svd.singular_values.iter().filter(|value| **value > least).count();
+        let u = svd.u?;
+        let columns = DMatrix::from_fn(u.nrows(), own + 1, |i, j| if j < own { u[(i, j)] } else { measured(i) });
+        Some(Self { rows, own, columns })
+    }
+
     /// Without some of its columns, counted from one of them.
     fn drop(&mut self, from: usize, columns: &[usize]) {
         let columns: Vec<usize> = columns.iter().map(|column| from + column).collect();

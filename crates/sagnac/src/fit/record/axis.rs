@@ -27,6 +27,7 @@ use crate::fit::selection::selected::Selected;
 use crate::fit::uncertainty::beside_curve::beside_curve;
 use crate::fit::uncertainty::entanglement::entangled;
 use crate::fit::uncertainty::soak::{Extension, soak};
+use crate::fit::uncertainty::whole_noise::whole_noise;
 use crate::image::Holder;
 use crate::model::input::Signal;
 use crate::noise_model::estimate::Estimate;
@@ -105,6 +106,7 @@ pub(crate) fn fit_axis(
             .as_ref()
             .map(|found| Collinearity { condition: found.condition, limit: CONDITION_MAX }),
         correction_noise: (!fitted.terms.is_empty()).then(|| one.correction_noise.clone()),
+        whole_noise: None,
         hysteresis: None,
         ramp_rates_cpm: None,
         curve_spread: None,
@@ -135,7 +137,7 @@ pub(crate) fn fit_axis(
         fit: Some(diagnostics),
     };
     // A prior's uncertainty is in its covariance.
-    let record = if options.prior.is_some() { record } else { with_uncertainty(record, &one, sensor) };
+    let record = if options.prior.is_some() { record } else { with_uncertainty(record, &one, sensor, stated) };
     let points = drawn.points(&record, windows, axis, sensor);
     Ok((with_profile(record, &points), AxisReportData { axis: letter, points, effects: drawn.effects }))
 }
@@ -153,7 +155,12 @@ fn with_profile(record: AxisCalibration, points: &[Point]) -> AxisCalibration {
 }
 
 /// With what other models, more soaking and what moved together make of the curve: of the test alone.
-fn with_uncertainty(record: AxisCalibration, one: &OneFit<'_>, sensor: usize) -> AxisCalibration {
+fn with_uncertainty(
+    record: AxisCalibration,
+    one: &OneFit<'_>,
+    sensor: usize,
+    stated: Option<(SlowNoise, f64)>,
+) -> AxisCalibration {
     let OneFit { selected, fitted, noise, .. } = one;
     let (problem, slow, reference_c) = (&selected.problem, noise.estimate.best, record.reference_c());
     let curve = |celsius: f64| {
@@ -166,7 +173,14 @@ fn with_uncertainty(record: AxisCalibration, one: &OneFit<'_>, sensor: usize) ->
     let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
     let white = noise.white_variance(problem, fitted, slow);
     let entanglement = entangled(problem, (slow, white), fitted, &profile);
-    let fit = record.fit.clone().map(|fit| FitDiagnostics { soak, curve_spread, lack_of_fit, entanglement, ..fit });
+    let fit = record.fit.clone().map(|fit| FitDiagnostics {
+        soak,
+        curve_spread,
+        lack_of_fit,
+        entanglement,
+        whole_noise: whole_noise(problem, fitted, &profile, stated),
+        ..fit
+    });
     AxisCalibration { fit, ..record }
 }
 

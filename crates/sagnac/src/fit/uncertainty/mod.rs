@@ -5,3 +5,4 @@ pub(crate) mod curve_spread;
 pub(crate) mod entanglement;
 pub(crate) mod rivals;
 pub(crate) mod soak;
+pub(crate) mod whole_noise;

@@ -22,8 +22,6 @@ use crate::verify::values::judged_windows::{lag1_autocorrelation, smooth_columns
 
 /// Windows of a run that has such a series; shorter runs have a level alone.
 const FEWEST_FOR_SERIES: usize = 20;
-/// Columns that add less than this part of the largest are none of their own.
-const LEAST_OWN: f64 = 1e-6;
 
 /// The noise of the judged windows of an axis.
 pub(crate) struct ResidualNoise {
@@ -53,10 +51,9 @@ impl ResidualNoise {
             let each = rows(run);
             let (rows, groups) = Rows::averaged(each.view(), used.len());
             let averaged: Vec<Point> = groups.iter().map(|group| average(run, &each.weight, group)).collect();
-            let columns = columns(&averaged.iter().collect::<Vec<_>>());
-            Block { rows, own: columns.ncols() - 1, columns }
+            Block::at_right_angles(rows, columns(&averaged), |i| averaged[i].after_dph)
         };
-        let blocks: Vec<Block> = runs.into_iter().map(block).collect();
+        let blocks: Vec<Block> = runs.into_iter().filter_map(block).collect();
         let count = blocks.len();
         let noise = noise_of_blocks(blocks).unwrap_or_else(|| {
             let sigma = spread(used);
@@ -103,11 +100,10 @@ fn is_known(point: &&Point) -> bool {
     point.temperature_c.is_finite() && point.rate_cpm.is_finite()
 }
 
-/// What a run's windows hold beside noise, as columns at right angles, then their values.
-fn columns(run: &[&Point]) -> DMatrix<f64> {
-    let values = |p: &&Point| p.after_dph;
-    if run.len() < FEWEST_FOR_SERIES || !run.iter().all(is_known) {
-        return DMatrix::from_fn(run.len(), 2, |i, j| if j == 0 { 1.0 } else { values(&run[i]) });
+/// The columns of a run's windows that are no noise: a level, or a series over temperature and a rate term.
+fn columns(run: &[Point]) -> DMatrix<f64> {
+    if run.len() < FEWEST_FOR_SERIES || !run.iter().all(|p| is_known(&p)) {
+        return DMatrix::from_element(run.len(), 1, 1.0);
     }
     let (lo, hi) = run
         .iter()
@@ -115,10 +111,5 @@ fn columns(run: &[&Point]) -> DMatrix<f64> {
     let span = Span { lo, hi: hi.max(lo + f64::EPSILON * lo.abs().max(1.0)) };
     let order = smooth_order(run.len());
     let series = smooth_columns(run.len(), order, span, |i| run[i].temperature_c);
-    let value = |i: usize, j: usize| if j <= order { series[(i, j)] } else { run[i].rate_cpm };
-    let svd = DMatrix::from_fn(run.len(), order + 2, value).svd(true, false);
-    let least = LEAST_OWN * svd.singular_values.max();
-    let own = svd.singular_values.iter().filter(|value| **value > least).count();
-    let Some(u) = svd.u else { return DMatrix::from_fn(run.len(), 1, |i, _| values(&run[i])) };
-    DMatrix::from_fn(run.len(), own + 1, |i, j| if j < own { u[(i, j)] } else { values(&run[i]) })
+    DMatrix::from_fn(run.len(), order + 2, |i, j| if j <= order { series[(i, j)] } else { run[i].rate_cpm })
 }

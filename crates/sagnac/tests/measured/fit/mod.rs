@@ -13,3 +13,4 @@ pub(crate) mod prior;
 pub(crate) mod rate_table;
 pub(crate) mod two_lags;
 pub(crate) mod warm_up;
+mod whole_noise;
