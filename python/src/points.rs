@@ -8,8 +8,8 @@ use pyo3::prelude::*;
 use crate::table::Table;
 
 /// Points of a report as a table; `after_dph` is null where a window was excluded.
-pub(crate) fn points_table(points: &[sagnac::diagnostics::Point]) -> PyResult<Table> {
-    let number = |of: fn(&sagnac::diagnostics::Point) -> f64| -> ArrayRef {
+pub(crate) fn points_table(points: &[sagnac::diagnostics::WindowPoint]) -> PyResult<Table> {
+    let number = |of: fn(&sagnac::diagnostics::WindowPoint) -> f64| -> ArrayRef {
         Arc::new(Float64Array::from_iter(points.iter().map(|point| Some(of(point)).filter(|value| !value.is_nan()))))
     };
     let excluded = points.iter().map(|point| point.excluded.map(|reason| reason.name()));

@@ -2,7 +2,7 @@
 
 use crate::figure::{Figure, Layer, Role, SOLID, rounded};
 use sagnac::calibration::{AxisCalibration, PpmEstimate};
-use sagnac::diagnostics::{AxisReportData, Effect, EffectOf, Leg, Point, ReportData};
+use sagnac::diagnostics::{AxisReportData, Effect, EffectOf, Leg, ReportData, WindowPoint};
 use sagnac::fit::frontier;
 use sagnac::model::ActsOn;
 use sagnac::model::TICK_INSTRUCTIONS;
@@ -29,14 +29,17 @@ pub(crate) const OF_FIT: Wording = Wording { before: "as logged", after: "less t
 pub(crate) const OF_PROOF: Wording = Wording { before: "as logged", after: "corrected" };
 
 /// Points drawn of so many, and the words for it.
-fn thinned<'a>(report_data: &ReportData, points: impl Iterator<Item = &'a Point>) -> (Vec<&'a Point>, String) {
-    let all: Vec<&Point> = points.collect();
+fn thinned<'a>(
+    report_data: &ReportData,
+    points: impl Iterator<Item = &'a WindowPoint>,
+) -> (Vec<&'a WindowPoint>, String) {
+    let all: Vec<&WindowPoint> = points.collect();
     let step = all.len().div_ceil(MOST_POINTS / report_data.axes.len().clamp(1, 6)).max(1);
     let words = if step > 1 { format!(" One window in {step} is drawn.") } else { String::new() };
     (all.into_iter().step_by(step).collect(), words)
 }
 
-fn used(axis: &AxisReportData) -> impl Iterator<Item = &Point> {
+fn used(axis: &AxisReportData) -> impl Iterator<Item = &WindowPoint> {
     axis.points.iter().filter(|p| p.excluded.is_none() && p.temperature_c.is_finite())
 }
 
@@ -441,9 +444,10 @@ pub(crate) fn hysteresis(axis: &AxisReportData, wording: &Wording) -> Option<Fig
     let title = "Heating against cooling";
     let mut out = figure(axis.axis, "hysteresis", title, caption.to_owned(), labels, "temperature");
     for (name, role, leg) in &LEGS[..2] {
-        let members: Vec<&Point> = used(axis).filter(|p| p.leg() == *leg).collect();
-        let over_temperature =
-            |y: fn(&Point) -> f64| -> Vec<(f64, f64)> { members.iter().map(|p| (p.temperature_c, y(p))).collect() };
+        let members: Vec<&WindowPoint> = used(axis).filter(|p| p.leg() == *leg).collect();
+        let over_temperature = |y: fn(&WindowPoint) -> f64| -> Vec<(f64, f64)> {
+            members.iter().map(|p| (p.temperature_c, y(p))).collect()
+        };
         let (x, y, _) = bins(&over_temperature(|p| p.before_dph));
         out.layers.push(line(&format!("{name}, {}", wording.before), *role, &x, y, true));
         let (x, y, half) = bins(&over_temperature(|p| p.after_dph));

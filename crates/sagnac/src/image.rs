@@ -218,14 +218,14 @@ fn q24(name: &str, celsius: f64) -> Result<i32> {
 }
 
 /// An input as the image reads it.
-struct Channel<'a> {
+struct InputChannel<'a> {
     input: &'a Input,
     source: ValueSource,
     /// One °C of the image is 2^exponent of its unit.
     exponent: i8,
 }
 
-impl Channel<'_> {
+impl InputChannel<'_> {
     /// The border of the rate span that is farther from zero, units per minute.
     fn rate_far(&self) -> Option<f64> {
         self.input.lag_s?;
@@ -239,7 +239,7 @@ impl Channel<'_> {
 }
 
 /// The record's inputs in their order.
-fn channels(correction: &AxisCorrection) -> Result<Vec<Channel<'_>>> {
+fn channels(correction: &AxisCorrection) -> Result<Vec<InputChannel<'_>>> {
     let inputs = &correction.inputs;
     let index_of = |wanted: &String, of: &Input| {
         let found = inputs.iter().position(|other| other.source == InputSource::Thermometer(wanted.clone()));
@@ -266,7 +266,7 @@ fn channels(correction: &AxisCorrection) -> Result<Vec<Channel<'_>>> {
                 (ValueSource::Repeat { of }, exponent)
             }
         };
-        Ok(Channel { input, source, exponent })
+        Ok(InputChannel { input, source, exponent })
     };
     inputs.iter().map(channel).collect()
 }
@@ -293,7 +293,7 @@ pub fn codes(axis: &AxisCalibration) -> Vec<Code> {
     axis.correction.inputs.iter().map(code).chain(warm_up).collect()
 }
 
-fn input_spec(of: &Channel<'_>, period_s: f64) -> Result<InputSpec> {
+fn input_spec(of: &InputChannel<'_>, period_s: f64) -> Result<InputSpec> {
     let (unit, input) = (of.unit(), of.input);
     let span = input.span;
     // Spans of our own stand on even codes already; others move by one code at most.
@@ -432,7 +432,7 @@ fn lag_spec(tau_s: f64, period_s: f64, far_cpm: f64, span_cpm: [f64; 2]) -> Resu
 }
 
 /// A row of the image's table of terms, with its name in the record.
-struct Row {
+struct TermRow {
     term: Term,
     name: String,
     /// Coefficient in counts per tick, or as a part of one.
@@ -440,7 +440,7 @@ struct Row {
 }
 
 /// A row without its coefficient.
-struct Head {
+struct TermHead {
     kind: Kind,
     input: u8,
     shape: Shape,
@@ -453,7 +453,7 @@ impl Frame {
         self.target.tick_s() / self.unit.arcsec_per_lsb()
     }
 
-    fn rows(self, correction: &AxisCorrection, channels: &[Channel<'_>]) -> Result<Vec<Row>> {
+    fn rows(self, correction: &AxisCorrection, channels: &[InputChannel<'_>]) -> Result<Vec<TermRow>> {
         let mut out = Vec::new();
         // The values of all terms at their references: bias, scale factor.
         let mut at_reference = [0.0; 2];
@@ -479,29 +479,29 @@ impl Frame {
                 at_reference[usize::from(kind == Kind::Scale)] +=
                     fitted.value * shape.value(span, channel.input.reference) * unit;
             }
-            let head = Head { kind, input: index as u8, shape: target, multiplier };
+            let head = TermHead { kind, input: index as u8, shape: target, multiplier };
             out.extend(self.row(head, name, fitted.value * factor * unit * rate)?);
         }
         for (kind, zero) in [Kind::Bias, Kind::Scale].into_iter().zip(at_reference) {
-            let head = Head { kind, input: 0, shape: Shape::Chebyshev(0), multiplier: Multiplier::One };
+            let head = TermHead { kind, input: 0, shape: Shape::Chebyshev(0), multiplier: Multiplier::One };
             out.extend(self.row(head, "the value of all terms at their references".to_owned(), -zero)?);
         }
         // Bias before rate before scale, input by input, order by order: one record, one image.
-        out.sort_by_key(|Row { term, .. }| {
+        out.sort_by_key(|TermRow { term, .. }| {
             (term.kind == Kind::Scale, term.multiplier == Multiplier::Rate, term.input, image_order(term.shape))
         });
         Ok(out)
     }
 
     /// a·e^(−t/τ) as a term over the rate α·e^(−t/τ), which has its span at 1.001·α.
-    fn warm_up_row(self, warm_up: &WarmUp, input: u8) -> Result<Option<Row>> {
-        let head = Head { kind: Kind::Bias, input, shape: Shape::Chebyshev(0), multiplier: Multiplier::Rate };
+    fn warm_up_row(self, warm_up: &WarmUp, input: u8) -> Result<Option<TermRow>> {
+        let head = TermHead { kind: Kind::Bias, input, shape: Shape::Chebyshev(0), multiplier: Multiplier::Rate };
         self.row(head, WARM_UP.to_owned(), warm_up.value_dph * self.per_dph() / WARM_UP_START)
     }
 
     /// A coefficient as mantissa and shift; `None` for zero.
-    fn row(self, head: Head, name: String, value: f64) -> Result<Option<Row>> {
-        let Head { kind, input, shape, multiplier } = head;
+    fn row(self, head: TermHead, name: String, value: f64) -> Result<Option<TermRow>> {
+        let TermHead { kind, input, shape, multiplier } = head;
         let q40 = value * 2.0_f64.powi(40);
         let shift = (60.0 - q40.abs().log2().floor()).min(62.0);
         let mantissa = (q40 * 2.0_f64.powf(shift - 31.0)).round();
@@ -512,11 +512,11 @@ impl Frame {
             return Err(self.beyond(kind, value.abs(), TERM_MAX, &format!("the term `{name}` reaches")));
         }
         let term = Term { kind, input, shape, multiplier, mantissa: mantissa as i32, shift: shift as u8 };
-        Ok(Some(Row { term, name, value }))
+        Ok(Some(TermRow { term, name, value }))
     }
 
     /// Refuses terms whose sum could exceed what [`Image::new`] takes.
-    fn check_sums(self, rows: &[Row]) -> Result<()> {
+    fn check_sums(self, rows: &[TermRow]) -> Result<()> {
         let increments = Description { period_ticks: self.target.period_ticks, ..Description::empty() };
         let limits = [
             (Kind::Bias, increments.increment_bound() as f64 / COUNT_PER_TICK),

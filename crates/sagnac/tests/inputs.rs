@@ -3,10 +3,10 @@
 
 use crate::support;
 use crate::support::{fit, retest};
-use sagnac::calibration::{AxisCalibration, Calibration, Input, SearchVerdict, Term};
+use sagnac::calibration::{AxisCalibration, Calibration, CorrectionTerm, Input, SearchVerdict};
 use sagnac::diagnostics::EffectOf;
 use sagnac::fit::{FitOptions, calibrate_with_report_data};
-use sagnac::model::{ActsOn, Form, Shape};
+use sagnac::model::{ActsOn, Form, TermShape};
 use sagnac::verify::Correction;
 use sagnac_core::{Compensator, State, Status};
 use sagnac_log::setup::{Noise, Setup};
@@ -270,11 +270,11 @@ fn of_record(axis: &AxisCalibration, value_of: impl Fn(&str) -> f64, rate_of: im
         let span = input.span;
         let x = |value: f64| (2.0 * value - span[0] - span[1]) / (span[1] - span[0]);
         let shape = |value: f64| match term.shape {
-            Shape::Zone { knot } => ((value - knot).max(0.0) / (span[1] - knot)).powi(2),
-            Shape::Step { threshold } => f64::from(u8::from(value >= threshold)),
-            Shape::Cosine { period } => (std::f64::consts::TAU * (value - span[0]) / period).cos(),
-            Shape::Sine { period } => (std::f64::consts::TAU * (value - span[0]) / period).sin(),
-            Shape::Chebyshev { order } => (f64::from(order) * x(value).clamp(-1.0, 1.0).acos()).cos(),
+            TermShape::Zone { knot } => ((value - knot).max(0.0) / (span[1] - knot)).powi(2),
+            TermShape::Step { threshold } => f64::from(u8::from(value >= threshold)),
+            TermShape::Cosine { period } => (std::f64::consts::TAU * (value - span[0]) / period).cos(),
+            TermShape::Sine { period } => (std::f64::consts::TAU * (value - span[0]) / period).sin(),
+            TermShape::Chebyshev { order } => (f64::from(order) * x(value).clamp(-1.0, 1.0).acos()).cos(),
         };
         let value = value_of(&term.input);
         let made =
@@ -300,7 +300,7 @@ fn the_image_computes_what_the_record_says() {
         let correction = &mut found.axes[0].correction;
         for (name, value) in [("block", 7.0), (scaled, -5.0)] {
             let input = correction.inputs.iter().find(|input| input.name == name).unwrap();
-            correction.terms.push(Term::given(Form::scale(1), input, value));
+            correction.terms.push(CorrectionTerm::given(Form::scale(1), input, value));
         }
         let axis = only(&found);
         let image = Correction::from_calibration(found.clone()).unwrap().images[0];
@@ -495,7 +495,7 @@ fn scale_terms_over_inputs_are_found_on_a_table() {
     println!("{}", axis.correction.model);
     for (name, truth) in [("cavity - block", 1.0), ("path_length_v", 0.1)] {
         let input = axis.other_inputs().iter().find(|input| input.name == name).unwrap();
-        let scale = |t: &&Term| t.input == name && t.form() == Form::scale(1);
+        let scale = |t: &&CorrectionTerm| t.input == name && t.form() == Form::scale(1);
         let term = axis.correction.terms.iter().find(scale).unwrap();
         let per_unit = 2.0 / (input.span[1] - input.span[0]);
         let (slope, sigma) = (term.value * per_unit, term.sigma.unwrap() * per_unit);

@@ -3,10 +3,10 @@
 
 use crate::support;
 use proptest::prelude::*;
-use sagnac::calibration::{Calibration, Lag, Term};
+use sagnac::calibration::{Calibration, CorrectionTerm, Lag};
 use sagnac::export::{Polynomial, import};
 use sagnac::model::Form;
-use sagnac::verify::{Correction, Readings, Replay, VerifyOptions, verify};
+use sagnac::verify::{Correction, InputColumns, Replay, VerifyOptions, verify};
 use sagnac_core::{Compensator, State};
 use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
@@ -20,7 +20,7 @@ fn calibration(setup: &Setup) -> Calibration {
     let thermometer = &mut axis.correction.inputs[0];
     thermometer.lag_s = Some(Lag { value: 40.0, sigma: None });
     thermometer.rate_span_per_min = Some([-5.0, 5.0]);
-    axis.correction.terms.push(Term::given(Form::rate(0), thermometer, 3.0));
+    axis.correction.terms.push(CorrectionTerm::given(Form::rate(0), thermometer, 3.0));
     calibration
 }
 
@@ -102,7 +102,7 @@ proptest! {
         let mut log = LogReader::from_reader("log", source, &rates, ReadMode::Bulk).unwrap();
         let shape = log.shape().clone();
         let batch = log.next_batch().unwrap().unwrap().clone();
-        let mut replay = Replay::new(&correction.images, &shape, Readings::of_one(&correction.images, Some(0)), "log").unwrap();
+        let mut replay = Replay::new(&correction.images, &shape, InputColumns::of_one(&correction.images, Some(0)), "log").unwrap();
         let ours = replay.correct(&batch).unwrap();
         let rows: Vec<(i64, i64, f64, f64)> = (0..batch.len())
             .map(|i| (batch.start_ns[i], batch.end_ns[i], batch.temperature_c[0][i], batch.angle[0][i]))

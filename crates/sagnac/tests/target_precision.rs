@@ -4,7 +4,7 @@
 //! Asserted (and quoted in docs/explanation/arithmetic.md): d within max(1e-4 °/h, 2⁻²⁶ of its span), k within 5e-4 ppm.
 
 use proptest::prelude::*;
-use sagnac::calibration::{Calibration, Lag, Term};
+use sagnac::calibration::{Calibration, CorrectionTerm, Lag};
 use sagnac::export::{Polynomial, encode, image_bytes, import};
 use sagnac::model::{Form, Span, chebyshev};
 use sagnac_core::{Compensator, Image, State};
@@ -52,7 +52,8 @@ fn calibration(case: &Case) -> Calibration {
     let thermometer = &mut correction.inputs[0];
     thermometer.lag_s = Some(Lag { value: case.tau_s, sigma: None });
     thermometer.rate_span_per_min = Some([-case.rate_cpm, case.rate_cpm]);
-    let term = |form: fn(u8) -> Form, order: usize, value: f64| Term::given(form(order as u8), thermometer, value);
+    let term =
+        |form: fn(u8) -> Form, order: usize, value: f64| CorrectionTerm::given(form(order as u8), thermometer, value);
     let bias = case.bias.iter().enumerate().map(|(i, v)| term(Form::bias, i + 1, *v));
     let rate = case.rate.iter().enumerate().map(|(i, v)| term(Form::rate, i, *v));
     let scale = case.scale.iter().enumerate().map(|(i, v)| term(Form::scale, i + 1, *v));

@@ -7,7 +7,7 @@ use std::io::{Cursor, Write as _};
 
 use anyhow::{Context, Result, anyhow, ensure};
 use nalgebra::{DMatrix, DVector};
-use sagnac::diagnostics::Point;
+use sagnac::diagnostics::WindowPoint;
 use sagnac::fit::{FitOptions, calibrate};
 use sagnac::verify::{Correction, Proof, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
@@ -70,9 +70,9 @@ fn close(name: &str) -> Result<Found> {
     let Proof { verification: proof, report_data, .. } =
         verify(&correction, vec![reader(log, &setup)?], &setup, VerifyOptions::default())?;
     let axis = &proof.axes[0];
-    let used: Vec<&Point> =
+    let used: Vec<&WindowPoint> =
         report_data.axes[0].points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();
-    let all = |p: &&Point| (0..ERROR_SOURCES.len()).map(|source| mean(&truth, p, source)).sum::<f64>();
+    let all = |p: &&WindowPoint| (0..ERROR_SOURCES.len()).map(|source| mean(&truth, p, source)).sum::<f64>();
     let residual = sigma(&used.iter().map(|p| all(p) - (p.before_dph - p.after_dph)).collect::<Vec<f64>>());
     let sources = unreachable_parts(&used, &truth, &chosen)?;
     let named: f64 = sources.iter().map(|(_, s)| s * s).sum();
@@ -101,7 +101,7 @@ fn orders(model: &str) -> (i32, Option<i32>) {
 }
 
 /// σ of the residual of each source after least squares on the terms of the model.
-fn unreachable_parts(points: &[&Point], truth: &[Errors], model: &str) -> Result<Vec<(&'static str, f64)>> {
+fn unreachable_parts(points: &[&WindowPoint], truth: &[Errors], model: &str) -> Result<Vec<(&'static str, f64)>> {
     let (bias, rate) = orders(model);
     let (lo, hi) =
         points.iter().fold((f64::MAX, f64::MIN), |(lo, hi), p| (lo.min(p.temperature_c), hi.max(p.temperature_c)));
@@ -126,7 +126,7 @@ fn unreachable_parts(points: &[&Point], truth: &[Errors], model: &str) -> Result
 }
 
 /// Mean of a source over a window.
-fn mean(truth: &[Errors], point: &Point, source: usize) -> f64 {
+fn mean(truth: &[Errors], point: &WindowPoint, source: usize) -> f64 {
     let second = |hours: f64| (hours * 3600.0).round() as usize;
     let (from, to) = (second(point.hours - 0.5 * point.length_h), second(point.hours + 0.5 * point.length_h));
     let of_window = &truth[from.min(truth.len() - 1)..to.min(truth.len())];

@@ -174,8 +174,9 @@ fn study_axis(axis: &AxisCalibration, residuals: Vec<Residual>) -> StudyAxis {
     }
 }
 
-fn residuals(points: &[sagnac::diagnostics::Point]) -> Vec<Residual> {
-    let known = |point: &&sagnac::diagnostics::Point| point.after_dph.is_finite() && point.temperature_c.is_finite();
+fn residuals(points: &[sagnac::diagnostics::WindowPoint]) -> Vec<Residual> {
+    let known =
+        |point: &&sagnac::diagnostics::WindowPoint| point.after_dph.is_finite() && point.temperature_c.is_finite();
     let all = points.iter().filter(known).map(|point| Residual {
         hours: point.hours,
         temperature_c: point.temperature_c,

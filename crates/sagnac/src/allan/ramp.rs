@@ -105,14 +105,14 @@ fn for_a_room(setup: &Setup, windows: &Windows) -> Setup {
 
 /// The drift of the axes of one run over its time, °/h.
 #[derive(Clone, Debug)]
-pub(crate) struct Drift {
+pub(crate) struct RampDrift {
     /// Middles of windows, ns.
     middle_ns: Vec<i64>,
     /// Per axis, at the middles.
     dph: Vec<Vec<f64>>,
 }
 
-impl Drift {
+impl RampDrift {
     /// Fits each run's drift over temperature from the same logs, read once more.
     ///
     /// # Errors

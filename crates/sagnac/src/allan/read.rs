@@ -13,7 +13,7 @@ use sagnac_units::format::significant;
 use sagnac_units::s_from_ns;
 use serde::Serialize;
 
-use crate::allan::ramp::{Drift, RampWatch};
+use crate::allan::ramp::{RampDrift, RampWatch};
 use crate::calibration::{LogFile, program};
 use crate::rate_table::input::SAME_RATE;
 
@@ -68,7 +68,7 @@ pub fn noise_budget<'a>(
             .help("give --sample-interval or sample_interval_s in the setup, or map the time column under [columns]"));
     }
     let tau0_s = s_from_ns(shape.nominal_ns);
-    let drifts = again.map(|again| Drift::of(again, setup)).transpose()?;
+    let drifts = again.map(|again| RampDrift::of(again, setup)).transpose()?;
     let shown = request.taus.multiples(tau0_s).map_err(bad_tau)?;
     let mut reading = Reading::new(&shape, &shown, request.exact);
     let share = setup.memory.tracks() + setup.memory.windows();
@@ -209,7 +209,7 @@ impl Reading {
         }
     }
 
-    fn push(&mut self, batch: &Batch, drift: Option<&Drift>) {
+    fn push(&mut self, batch: &Batch, drift: Option<&RampDrift>) {
         self.watches.iter_mut().enumerate().for_each(|(sensor, watch)| watch.push(batch, sensor));
         for rate in batch.reference_dps.iter().filter(|rate| rate.is_finite()) {
             self.table_dps = [self.table_dps[0].min(*rate), self.table_dps[1].max(*rate)];
@@ -224,7 +224,7 @@ impl Reading {
     }
 
     /// Rows with these angles, in pieces as long as nothing is missing; and what was counted over gaps between them.
-    fn pieces(&mut self, batch: &Batch, angles: &[Vec<f64>], drift: Option<&Drift>) {
+    fn pieces(&mut self, batch: &Batch, angles: &[Vec<f64>], drift: Option<&RampDrift>) {
         let mut bridges = batch.bridges.iter().peekable();
         let mut at = 0;
         loop {
@@ -290,7 +290,7 @@ impl Reading {
     }
 
     /// What a running total counted over a gap.
-    fn bridge(&mut self, bridge: &Bridge, drift: Option<&Drift>) {
+    fn bridge(&mut self, bridge: &Bridge, drift: Option<&RampDrift>) {
         let place = Place { log: self.inputs.len() as u32, line: bridge.line };
         if self.last_end_ns != Some(bridge.start_ns) {
             self.end_stretch();

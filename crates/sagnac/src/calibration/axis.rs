@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::axis_record::{AxisRecord, FitDiagnostics};
 use crate::calibration::{
-    Candidate, CrossValidation, Input, InputSource, Lag, Monomial, NoiseFloor, Residual, RunOffset, ScaleFactor, Term,
-    WarmUp,
+    Candidate, CorrectionTerm, CrossValidation, FitResidual, Input, InputSource, Lag, Monomial, NoiseFloor, RunOffset,
+    ScaleFactor, WarmUp,
 };
-use crate::model::{BASIS_LEN, Form, Shape, Span};
+use crate::model::{BASIS_LEN, Form, Span, TermShape};
 
 /// What the target of one axis applies.
 #[derive(Clone, Debug, PartialEq)]
@@ -20,7 +20,7 @@ pub struct AxisCorrection {
     /// What the terms depend on, and the thermometers that differences need. The first is the thermometer of the fit.
     pub inputs: Vec<Input>,
     /// The terms.
-    pub terms: Vec<Term>,
+    pub terms: Vec<CorrectionTerm>,
     /// The warm-up since power-on; null where it is not corrected.
     pub warm_up: Option<WarmUp>,
 }
@@ -117,7 +117,7 @@ impl AxisCalibration {
     }
 
     /// Residual of the fit; `None` for imported coefficients, as all that follows.
-    pub fn residual(&self) -> Option<&Residual> {
+    pub fn residual(&self) -> Option<&FitResidual> {
         self.fit.as_ref().map(|fit| &fit.residual)
     }
 
@@ -157,7 +157,7 @@ impl AxisCalibration {
     }
 
     /// A term over the thermometer of the fit.
-    pub fn is_over_thermometer(&self, term: &Term) -> bool {
+    pub fn is_over_thermometer(&self, term: &CorrectionTerm) -> bool {
         term.input == self.thermometer().name
     }
 
@@ -167,7 +167,7 @@ impl AxisCalibration {
     }
 
     /// A term over the thermometer of the fit, behind its first or its second lag.
-    pub(crate) fn is_of_thermometer(&self, term: &Term) -> bool {
+    pub(crate) fn is_of_thermometer(&self, term: &CorrectionTerm) -> bool {
         let repeats = self.input_of(term).and_then(Input::repeats);
         self.is_over_thermometer(term) || repeats == Some(self.thermometer().name.as_str())
     }
@@ -184,17 +184,17 @@ impl AxisCalibration {
     }
 
     /// The input of a term.
-    pub fn input_of(&self, term: &Term) -> Option<&Input> {
+    pub fn input_of(&self, term: &CorrectionTerm) -> Option<&Input> {
         self.correction.inputs.iter().find(|input| input.name == term.input)
     }
 
     /// Name of a term, as the covariance and people have it: `bias 2`, `rate(cavity) 0`, `slow rate 0`.
-    pub fn name_of(&self, term: &Term) -> String {
+    pub fn name_of(&self, term: &CorrectionTerm) -> String {
         self.named(&term.input, |input| term.form().name(input))
     }
 
     /// Unit of a term's coefficient.
-    pub(crate) fn unit_of(&self, term: &Term) -> &'static str {
+    pub(crate) fn unit_of(&self, term: &CorrectionTerm) -> &'static str {
         let in_celsius = self.input_of(term).is_none_or(|input| self.is_in_celsius(input));
         term.form().unit(in_celsius)
     }
@@ -208,8 +208,10 @@ impl AxisCalibration {
             let name = self.named(&input.name, lag);
             Some(NonlinearParameter { name, value, sigma, unit: "s".to_owned() })
         };
-        let period = |term: &Term| {
-            let (Shape::Cosine { period: value }, Some(input)) = (term.shape, self.input_of(term)) else { return None };
+        let period = |term: &CorrectionTerm| {
+            let (TermShape::Cosine { period: value }, Some(input)) = (term.shape, self.input_of(term)) else {
+                return None;
+            };
             let word = term.acts_on.period_name();
             let is_main = self.is_over_thermometer(term);
             let name = if is_main { word.to_owned() } else { format!("{word}({})", term.input) };

@@ -8,9 +8,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{
-    Candidate, Collinearity, CorrectionNoise, CrossValidation, CurveSpread, Entanglement, Hysteresis, Input, LackOfFit,
-    Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput, RejectedModel, Residual, RunOffset, ScaleFactor,
-    SearchStep, SlowNoiseTerms, Soak, Term, TimeEffect, WarmUp, WholeNoise,
+    Candidate, Collinearity, CorrectionNoise, CorrectionTerm, CrossValidation, CurveSpread, Entanglement, FitResidual,
+    Hysteresis, Input, LackOfFit, Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput, RejectedModel,
+    RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, TimeEffect, WarmUp, WholeNoise,
 };
 
 /// Makes [`FitDiagnostics`] and [`AxisRecord`] of one list of diagnostics, in the order of the file.
@@ -24,7 +24,7 @@ macro_rules! diagnostics {
         #[non_exhaustive]
         pub struct FitDiagnostics {
             /// Residual of the fit.
-            pub residual: Residual,
+            pub residual: FitResidual,
             $($(#[$words])* pub $before: $type,)*
             $($(#[$late_words])* pub $after: $late_type,)*
         }
@@ -38,7 +38,7 @@ macro_rules! diagnostics {
             /// In the words of `--model`.
             pub(crate) model: String,
             /// The terms.
-            pub(crate) terms: Vec<Term>,
+            pub(crate) terms: Vec<CorrectionTerm>,
             /// The warm-up since power-on that the target corrects; absent where it corrects none.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub(crate) warm_up: Option<WarmUp>,
@@ -61,7 +61,7 @@ macro_rules! diagnostics {
             pub(crate) zones: Vec<Monomial>,
             $($(#[$words])* #[serde($($form)*)] pub(crate) $before: $type,)*
             /// Residual of the fit; null where nothing was fitted here.
-            pub(crate) residual: Option<Residual>,
+            pub(crate) residual: Option<FitResidual>,
             $($(#[$late_words])* #[serde($($late_form)*)] pub(crate) $after: $late_type,)*
         }
 

@@ -3,7 +3,7 @@
 use sagnac_log::error::{Error, Result};
 use sagnac_log::setup::{ThermometerSetup, check_thermometer, is_serial, not_a_serial};
 
-use crate::calibration::{AxisCalibration, Calibration, Input, InputSource, Term};
+use crate::calibration::{AxisCalibration, Calibration, CorrectionTerm, Input, InputSource};
 
 /// Largest value of an input.
 const MOST_OF_INPUT: f64 = 1e13;
@@ -95,7 +95,7 @@ impl AxisCalibration {
         if let Some(fault) = term.shape.fault(input.scaling(), term.times_rate) {
             return Err(Error::input(fault).column(named("shape")).value(term.shape.words()));
         }
-        let same = |other: &Term| other.form() == term.form() && other.input == term.input;
+        let same = |other: &CorrectionTerm| other.form() == term.form() && other.input == term.input;
         if self.correction.terms[..at].iter().any(same) {
             return Err(Error::input("the same term twice").column(named("shape")).value(self.name_of(term)));
         }

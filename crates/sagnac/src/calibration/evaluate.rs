@@ -8,9 +8,9 @@
 
 use crate::calibration::axis::AxisCalibration;
 use crate::calibration::input::Input;
-use crate::calibration::term::Term;
+use crate::calibration::term::CorrectionTerm;
 use crate::calibration::uncertainty::{Evaluation, Prediction, SCALE_AT_REFERENCE};
-use crate::model::{ActsOn, Shape};
+use crate::model::{ActsOn, TermShape};
 
 /// Rate of an input, per minute.
 type RateOf<'a> = &'a dyn Fn(&Input) -> f64;
@@ -51,10 +51,10 @@ impl AxisCalibration {
         celsius: f64,
         rate_cpm: RateOf<'_>,
         from_c: f64,
-    ) -> impl Iterator<Item = (&Term, f64)> {
+    ) -> impl Iterator<Item = (&CorrectionTerm, f64)> {
         let span = self.span();
-        let acting = move |term: &&Term| term.acts_on == acts_on && self.is_of_thermometer(term);
-        let weight = move |term: &Term| {
+        let acting = move |term: &&CorrectionTerm| term.acts_on == acts_on && self.is_of_thermometer(term);
+        let weight = move |term: &CorrectionTerm| {
             let here = term.shape.value(span, celsius);
             let rate_cpm = self.input_of(term).map_or(0.0, rate_cpm);
             if term.times_rate { rate_cpm * here } else { here - term.shape.value(span, from_c) }
@@ -95,9 +95,10 @@ impl AxisCalibration {
 
     /// Drift per °C/min of temperature rate at a temperature and its σ, °/h per °C/min; `None` without rate terms.
     pub fn rate_effect(&self, celsius: f64) -> Option<[f64; 2]> {
-        let of_rate = |(term, _): &(&Term, f64)| term.times_rate;
+        let of_rate = |(term, _): &(&CorrectionTerm, f64)| term.times_rate;
         let one = &|_: &Input| 1.0;
-        let terms: Vec<(&Term, f64)> = self.weights(ActsOn::Bias, celsius, one, celsius).filter(of_rate).collect();
+        let terms: Vec<(&CorrectionTerm, f64)> =
+            self.weights(ActsOn::Bias, celsius, one, celsius).filter(of_rate).collect();
         let rows = self.rate_weights(celsius);
         let value = terms.iter().map(|(term, weight)| term.value * weight).sum();
         (!terms.is_empty()).then(|| [value, self.variance_of(&rows).sqrt()])
@@ -118,7 +119,7 @@ impl AxisCalibration {
         // Each lag has a span of its own.
         let within = |input: &Input| input.rate_span_per_min.map_or(0.0, |[lo, hi]| rate_cpm.clamp(lo, hi));
         let rate: RateOf<'_> = &within;
-        let is_clamped = |term: &Term| {
+        let is_clamped = |term: &CorrectionTerm| {
             let rated = self.input_of(term).filter(|_| term.times_rate && self.is_of_thermometer(term));
             rated.is_some_and(|input| within(input) != rate_cpm)
         };
@@ -146,7 +147,7 @@ impl AxisCalibration {
     }
 
     /// Row of the covariance of a term.
-    pub(crate) fn row_of(&self, term: &Term) -> Option<usize> {
+    pub(crate) fn row_of(&self, term: &CorrectionTerm) -> Option<usize> {
         let name = self.name_of(term);
         self.fit.as_ref()?.covariance_of.iter().position(|row| *row == name)
     }
@@ -154,12 +155,12 @@ impl AxisCalibration {
     /// Drift per unit of an input at its reference and its σ; `None` without value terms over it.
     pub(crate) fn slope_of_input(&self, name: &str) -> Option<[f64; 2]> {
         let input = self.correction.inputs.iter().find(|input| input.name == name)?;
-        let is_series = |term: &Term| matches!(term.shape, Shape::Chebyshev { .. });
+        let is_series = |term: &CorrectionTerm| matches!(term.shape, TermShape::Chebyshev { .. });
         let terms =
             self.correction.terms.iter().filter(|term| {
                 term.acts_on == ActsOn::Bias && !term.times_rate && is_series(term) && term.input == name
             });
-        let slopes: Vec<(&Term, f64)> =
+        let slopes: Vec<(&CorrectionTerm, f64)> =
             terms.map(|term| (term, term.shape.slope(input.scaling(), input.reference))).collect();
         let weights: Vec<(usize, f64)> =
             slopes.iter().filter_map(|(term, slope)| Some((self.row_of(term)?, *slope))).collect();

@@ -28,7 +28,7 @@ pub use crate::calibration::axis::{AxisCalibration, AxisCorrection, NonlinearPar
 pub use crate::calibration::axis_record::FitDiagnostics;
 pub use crate::calibration::input::{Input, InputSource, Lag};
 pub use crate::calibration::of_fit::{
-    Candidate, CrossValidation, Monomial, NoiseFloor, Residual, RunOffset, WholeNoise,
+    Candidate, CrossValidation, FitResidual, Monomial, NoiseFloor, RunOffset, WholeNoise,
 };
 pub use crate::calibration::profile::{Entanglement, MovedTogether, TimeEffect, TimeEffectKind, WarmUp};
 pub(crate) use crate::calibration::provenance::log_files;
@@ -38,7 +38,7 @@ pub use crate::calibration::record::{Calibration, FORMAT, LogUnit, MINOR_VERSION
 pub use crate::calibration::search::{
     Collinearity, CorrectionNoise, InputNoise, PriorUse, RejectedInput, RejectedModel, SearchStep, SearchVerdict,
 };
-pub use crate::calibration::term::Term;
+pub use crate::calibration::term::CorrectionTerm;
 pub(crate) use crate::calibration::uncertainty::SCALE_AT_REFERENCE;
 pub use crate::calibration::uncertainty::{
     CurveSpread, Evaluation, Hysteresis, LackOfFit, Prediction, SlowNoiseTerms, Soak, SoakRow,

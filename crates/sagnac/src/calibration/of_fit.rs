@@ -40,7 +40,7 @@ pub struct Monomial {
 /// Residual of the fit, about the fitted curve. In-sample: quote the cross-validation instead.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[non_exhaustive]
-pub struct Residual {
+pub struct FitResidual {
     /// Windows.
     pub n: usize,
     /// σ with the lost degrees of freedom counted, °/h.

@@ -4,18 +4,18 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::input::{Input, InputSource};
-use crate::model::{ActsOn, Form, Shape};
+use crate::model::{ActsOn, Form, TermShape};
 
 /// One term of a correction: what it acts on × input × shape × rate, and its estimate.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[non_exhaustive]
-pub struct Term {
+pub struct CorrectionTerm {
     /// What it acts on.
     pub acts_on: ActsOn,
     /// Name of its input in `inputs`.
     pub input: String,
     /// The function of the input.
-    pub shape: Shape,
+    pub shape: TermShape,
     /// It is multiplied with the lagged rate of the input, per minute.
     pub times_rate: bool,
     /// Coefficient.
@@ -31,7 +31,7 @@ pub struct Term {
     pub vif: Option<f64>,
 }
 
-impl Term {
+impl CorrectionTerm {
     /// A term that was not fitted here, over an input of the record that repeats no other.
     pub fn given(form: Form, input: &Input, value: f64) -> Self {
         let in_celsius = !matches!(input.source, InputSource::Column(_));

@@ -28,7 +28,7 @@ pub struct ComparedLimit {
     pub label: &'static str,
     /// Where it comes from.
     pub from: &'static str,
-    value: fn(&Compared<'_>) -> Found,
+    value: fn(&ComparedRecords<'_>) -> ComparedValue,
 }
 
 /// Every limit that a comparison asks, in the order of the limits' own table.
@@ -38,8 +38,8 @@ pub const COMPARED: [ComparedLimit; 9] = [
         label: "temperatures that all records have, as a fraction of those that any has",
         from: "the spans of the records: what changed outside their common span is not seen",
         value: |all| {
-            let unknown = || Found::Unknown("no record has a span of temperature".to_owned());
-            all.span_covered().map_or_else(unknown, Found::Bound)
+            let unknown = || ComparedValue::Unknown("no record has a span of temperature".to_owned());
+            all.span_covered().map_or_else(unknown, ComparedValue::Bound)
         },
     },
     ComparedLimit {
@@ -64,7 +64,9 @@ pub const COMPARED: [ComparedLimit; 9] = [
         key: "bias_repeatability_dph_max",
         label: "difference of the mean fixed biases of two records at T0",
         from: "run offsets less the input rate; not asked where a record does not know it",
-        value: |all| all.of_bias(|biases| Found::Pairs(pairs_of(biases, |a, b| Ok(difference(a.mean, b.mean))))),
+        value: |all| {
+            all.of_bias(|biases| ComparedValue::Pairs(pairs_of(biases, |a, b| Ok(difference(a.mean, b.mean)))))
+        },
     },
     ComparedLimit {
         key: "turn_on_sigma_dph_max",
@@ -95,7 +97,7 @@ pub const COMPARED: [ComparedLimit; 9] = [
 ];
 
 /// A value of a comparison.
-enum Found {
+enum ComparedValue {
     NotAsked(String),
     Unknown(String),
     One(Estimate),
@@ -106,7 +108,7 @@ enum Found {
 }
 
 /// The records of one axis at their common temperatures.
-pub(crate) struct Compared<'a> {
+pub(crate) struct ComparedRecords<'a> {
     pub(crate) axes: &'a [&'a AxisCalibration],
     pub(crate) names: Vec<&'a str>,
     pub(crate) temperatures_c: &'a [f64],
@@ -122,7 +124,7 @@ struct Bias {
     runs: Vec<Estimate>,
 }
 
-impl Compared<'_> {
+impl ComparedRecords<'_> {
     /// Judges every limit of a file. What a comparison cannot ask is not asked, and says so.
     pub(crate) fn judge(&self, limits: &Limits) -> Vec<Verdict> {
         let rule = limits.decision.unwrap_or_default();
@@ -132,11 +134,11 @@ impl Compared<'_> {
             };
             let held = |found: &Estimate| spec.hold(limit, (found.value.abs(), Some(found.sigma)), rule, self.hours);
             match (asked.value)(self) {
-                Found::NotAsked(why) => spec.not_asked(limit, why),
-                Found::Unknown(why) => spec.unknown(limit, why),
-                Found::One(found) => held(&found),
-                Found::Bound(value) => spec.hold(limit, (value, None), rule, self.hours),
-                Found::Pairs(pairs) => {
+                ComparedValue::NotAsked(why) => spec.not_asked(limit, why),
+                ComparedValue::Unknown(why) => spec.unknown(limit, why),
+                ComparedValue::One(found) => held(&found),
+                ComparedValue::Bound(value) => spec.hold(limit, (value, None), rule, self.hours),
+                ComparedValue::Pairs(pairs) => {
                     let of_pair = |(a, b, found): (usize, usize, Result<Estimate, String>)| match found {
                         Ok(found) => {
                             let why = Some(format!("{} against {}", self.names[a], self.names[b]));
@@ -162,38 +164,41 @@ impl Compared<'_> {
         (any > 0.0).then_some((common / any).clamp(0.0, 1.0))
     }
 
-    fn pairs(&self, of: impl Fn(usize, usize) -> Result<Estimate, String>) -> Found {
+    fn pairs(&self, of: impl Fn(usize, usize) -> Result<Estimate, String>) -> ComparedValue {
         let places: Vec<usize> = (0..self.axes.len()).collect();
-        Found::Pairs(pairs_of(&places, |a, b| of(*a, *b)))
+        ComparedValue::Pairs(pairs_of(&places, |a, b| of(*a, *b)))
     }
 
     /// Fixed biases of all records, where each knows its input rate.
-    fn of_bias(&self, figure: impl Fn(&[Bias]) -> Found) -> Found {
+    fn of_bias(&self, figure: impl Fn(&[Bias]) -> ComparedValue) -> ComparedValue {
         let blind = self.axes.iter().position(|axis| axis.run_offsets.iter().any(|run| run.fixed_bias_dph.is_none()));
         if let Some(at) = blind {
             let name = self.names[at];
-            return Found::NotAsked(format!(
+            return ComparedValue::NotAsked(format!(
                 "{name} does not know its input rate: input_rate_dph or [earth] in its setup"
             ));
         }
         let biases: Option<Vec<Bias>> = self.axes.iter().map(|axis| Bias::of(axis, self.reference_c)).collect();
-        biases.map_or_else(|| Found::Unknown("a record without a run offset".to_owned()), |biases| figure(&biases))
+        biases.map_or_else(
+            || ComparedValue::Unknown("a record without a run offset".to_owned()),
+            |biases| figure(&biases),
+        )
     }
 
     /// Scale factors, where every record was made on a rate table.
-    fn of_scale(&self, figure: impl Fn() -> Found) -> Found {
+    fn of_scale(&self, figure: impl Fn() -> ComparedValue) -> ComparedValue {
         let turned = |axis: &AxisCalibration| axis.fit.as_ref().is_some_and(|fit| fit.scale_factor.is_some());
         match self.axes.iter().position(|axis| !turned(axis)) {
-            Some(at) => Found::NotAsked(format!("{} was not made on a rate table", self.names[at])),
+            Some(at) => ComparedValue::NotAsked(format!("{} was not made on a rate table", self.names[at])),
             None => figure(),
         }
     }
 
     /// Rate effects, where any record has one.
-    fn of_rates(&self) -> Found {
+    fn of_rates(&self) -> ComparedValue {
         let effects: Vec<Option<[f64; 2]>> = self.axes.iter().map(|axis| axis.rate_effect(self.reference_c)).collect();
         if effects.iter().all(Option::is_none) {
-            return Found::NotAsked("no record has rate terms".to_owned());
+            return ComparedValue::NotAsked("no record has rate terms".to_owned());
         }
         self.pairs(|a, b| {
             let of = |at: usize| effects[at].map(estimate).ok_or_else(|| self.lacks(at, "rate term"));
@@ -284,15 +289,15 @@ impl Bias {
     }
 }
 
-fn turn_ons(biases: &[Bias]) -> Found {
+fn turn_ons(biases: &[Bias]) -> ComparedValue {
     let all: Vec<f64> = biases.iter().flat_map(|record| &record.runs).map(|run| run.value).collect();
-    let found = TurnOns::of(&all).map(|found| Found::Bound(found.sigma_upper_dph));
-    found.unwrap_or_else(|| Found::Unknown("fewer than two runs".to_owned()))
+    let found = TurnOns::of(&all).map(|found| ComparedValue::Bound(found.sigma_upper_dph));
+    found.unwrap_or_else(|| ComparedValue::Unknown("fewer than two runs".to_owned()))
 }
 
-fn largest(all: impl Iterator<Item = Estimate>) -> Found {
+fn largest(all: impl Iterator<Item = Estimate>) -> ComparedValue {
     let worst = all.max_by(|a, b| a.value.abs().total_cmp(&b.value.abs()));
-    worst.map_or_else(|| Found::Unknown("no run".to_owned()), Found::One)
+    worst.map_or_else(|| ComparedValue::Unknown("no run".to_owned()), ComparedValue::One)
 }
 
 fn estimate([value, sigma]: [f64; 2]) -> Estimate {

@@ -21,8 +21,8 @@ pub use limits::{COMPARED, ComparedLimit};
 
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::{AxisCalibration, Calibration, Lag, Term};
-use crate::compare::limits::Compared;
+use crate::calibration::{AxisCalibration, Calibration, CorrectionTerm, Lag};
+use crate::compare::limits::ComparedRecords;
 use crate::model::ActsOn;
 use crate::verify::{Limits, LimitsSource, Verdict};
 use sagnac_log::error::{Error, Result};
@@ -328,7 +328,7 @@ fn compare_axis(
     let windows_h = |(axis, (_, record)): (&&AxisCalibration, &(String, Calibration))| {
         axis.residual().map_or(0.0, |residual| residual.n as f64 * record.window_s / 3600.0)
     };
-    let compared = Compared {
+    let compared = ComparedRecords {
         axes,
         names: records.iter().map(|(name, _)| name.as_str()).collect(),
         temperatures_c: &temperatures,
@@ -365,7 +365,8 @@ fn curve(axes: &[&AxisCalibration], quantity: ActsOn, temperatures: &[f64], refe
     }
     let has_terms = |record: &usize| {
         let axis = axes[*record];
-        let of_curve = |term: &Term| term.acts_on == quantity && !term.times_rate && axis.is_over_thermometer(term);
+        let of_curve =
+            |term: &CorrectionTerm| term.acts_on == quantity && !term.times_rate && axis.is_over_thermometer(term);
         quantity == ActsOn::ScaleFactor || axis.correction.terms.iter().any(of_curve)
     };
     let (with, without): (Vec<usize>, Vec<usize>) = (0..axes.len()).partition(has_terms);
@@ -464,7 +465,7 @@ fn of_inputs(axes: &[&AxisCalibration]) -> Vec<ComparedNumber> {
         let of = |axis: &AxisCalibration| axis.slope_of_input(name);
         number(&format!("drift per unit of {name} at its zero"), "deg/h per unit", axes, of)
     });
-    let own = |axis: &AxisCalibration, term: &Term| term.shape.jump().is_some().then(|| axis.name_of(term));
+    let own = |axis: &AxisCalibration, term: &CorrectionTerm| term.shape.jump().is_some().then(|| axis.name_of(term));
     let mut steps: Vec<String> =
         axes.iter().flat_map(|axis| axis.correction.terms.iter().filter_map(move |term| own(axis, term))).collect();
     steps.sort();

@@ -26,7 +26,7 @@ pub enum Leg {
 /// One window.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
-pub struct Point {
+pub struct WindowPoint {
     /// Index of the run.
     pub run: usize,
     /// Middle of the window, hours of test: runs follow each other.
@@ -64,7 +64,7 @@ pub struct AxisReportData {
     /// Axis letter.
     pub axis: char,
     /// Every window in order.
-    pub points: Vec<Point>,
+    pub points: Vec<WindowPoint>,
     /// Effect of each input alone; empty in a verification.
     pub effects: Vec<Effect>,
 }
@@ -147,14 +147,14 @@ pub(crate) fn points(
     sensor: Option<usize>,
     before: impl Fn(usize) -> f64,
     after: impl Fn(usize) -> f64,
-) -> Vec<Point> {
+) -> Vec<WindowPoint> {
     let rows = &windows.rows;
     let one = |i: usize| {
         let run = rows.run[i] as usize;
         let origin_ns = windows.runs[run].start_ns;
         let hours = |ns: i64| spans[run].hours[0] + s_from_ns(ns - origin_ns) / 3600.0;
         let (from, to) = (hours(rows.start_ns[i]), hours(rows.end_ns[i]));
-        Point {
+        WindowPoint {
             run,
             hours: f64::midpoint(from, to),
             length_h: to - from,
@@ -192,9 +192,13 @@ pub(crate) struct LegDifference {
 
 /// Heating against cooling over the used windows; `None` with fewer than `least` windows of a leg. The one rule for fit and
 /// verification, which differ in the standard error of a window.
-pub(crate) fn hysteresis_of(points: &[Point], least: usize, of: impl Fn(&Point) -> f64) -> Option<LegDifference> {
+pub(crate) fn hysteresis_of(
+    points: &[WindowPoint],
+    least: usize,
+    of: impl Fn(&WindowPoint) -> f64,
+) -> Option<LegDifference> {
     let mean = |leg: Leg| {
-        let used = |p: &&Point| p.leg() == leg && p.excluded.is_none() && p.after_dph.is_finite();
+        let used = |p: &&WindowPoint| p.leg() == leg && p.excluded.is_none() && p.after_dph.is_finite();
         let values: Vec<f64> = points.iter().filter(used).map(&of).collect();
         (values.len() >= least).then(|| (values.iter().sum::<f64>() / values.len() as f64, values.len() as f64))
     };
@@ -203,7 +207,7 @@ pub(crate) fn hysteresis_of(points: &[Point], least: usize, of: impl Fn(&Point) 
 }
 
 /// The 5th and the 95th percentile of the temperature rates of used windows, °C/min; `None` without time.
-pub(crate) fn ramp_rates_cpm(points: &[Point]) -> Option<[f64; 2]> {
+pub(crate) fn ramp_rates_cpm(points: &[WindowPoint]) -> Option<[f64; 2]> {
     let used = points.iter().filter(|p| p.excluded.is_none() && p.rate_cpm.is_finite());
     let mut rates: Vec<f64> = used.map(|p| p.rate_cpm).collect();
     rates.sort_by(f64::total_cmp);
@@ -215,7 +219,7 @@ pub(crate) fn ramp_rates_cpm(points: &[Point]) -> Option<[f64; 2]> {
 const BETWEEN_RUNS: f64 = 0.25;
 
 /// True where the runs differ so much in their mean temperatures that an offset each can hold a drift over temperature.
-pub(crate) fn offsets_hide_drift(points: &[Point]) -> bool {
+pub(crate) fn offsets_hide_drift(points: &[WindowPoint]) -> bool {
     let known = || points.iter().filter(|p| p.excluded.is_none() && p.temperature_c.is_finite());
     let runs = points.iter().map(|p| p.run + 1).max().unwrap_or(0);
     let mut sums = vec![(0.0, 0.0); runs];
@@ -233,7 +237,7 @@ pub(crate) fn rate_coverage(fit_cpm: [f64; 2], test_cpm: [f64; 2]) -> f64 {
     side(fit_cpm[0], test_cpm[0]).min(side(fit_cpm[1], test_cpm[1]))
 }
 
-impl Point {
+impl WindowPoint {
     /// Heating, cooling or neither.
     pub fn leg(&self) -> Leg {
         match self.rate_cpm {

@@ -12,7 +12,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::diagnostics::Point;
+use crate::diagnostics::WindowPoint;
 use crate::model::basis::{Span, chebyshev};
 
 /// More than this part explained by temperature: they moved together.
@@ -25,19 +25,19 @@ const FEWEST: usize = 20;
 const ONE_RATE_CPM: f64 = 0.02;
 
 /// Part of the variation of Ṫ that temperature explains, 0 to 1; `None` without time, or with one rate.
-pub(crate) fn rate_explained(points: &[Point]) -> Option<f64> {
+pub(crate) fn rate_explained(points: &[WindowPoint]) -> Option<f64> {
     explained(points, |p| p.rate_cpm, ONE_RATE_CPM)
 }
 
 /// Part of the variation of the time within the runs that temperature explains, 0 to 1; `None` without time.
-pub(crate) fn time_explained(points: &[Point]) -> Option<f64> {
+pub(crate) fn time_explained(points: &[WindowPoint]) -> Option<f64> {
     explained(points, |p| p.hours, 0.0)
 }
 
 /// Least by σ of the target.
-fn explained(points: &[Point], of: impl Fn(&Point) -> f64, least: f64) -> Option<f64> {
-    let is_known = |p: &&Point| p.excluded.is_none() && p.temperature_c.is_finite() && of(p).is_finite();
-    let used: Vec<&Point> = points.iter().filter(is_known).collect();
+fn explained(points: &[WindowPoint], of: impl Fn(&WindowPoint) -> f64, least: f64) -> Option<f64> {
+    let is_known = |p: &&WindowPoint| p.excluded.is_none() && p.temperature_c.is_finite() && of(p).is_finite();
+    let used: Vec<&WindowPoint> = points.iter().filter(is_known).collect();
     let (lo, hi) = used
         .iter()
         .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), p| (lo.min(p.temperature_c), hi.max(p.temperature_c)));
@@ -79,10 +79,10 @@ fn about_means<const N: usize>(rows: &[[f64; N]], runs: &[usize]) -> Vec<[f64; N
 mod tests {
     use super::*;
 
-    fn test_of(minutes: usize, celsius: impl Fn(f64) -> f64) -> Vec<Point> {
+    fn test_of(minutes: usize, celsius: impl Fn(f64) -> f64) -> Vec<WindowPoint> {
         let one = |i: usize| {
             let at = i as f64;
-            Point {
+            WindowPoint {
                 run: 0,
                 hours: at / 60.0,
                 length_h: 1.0 / 60.0,

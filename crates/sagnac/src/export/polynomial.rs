@@ -9,8 +9,8 @@ use sagnac_log::error::{Error, Result};
 use sagnac_log::setup::{Setup, WindowSize};
 
 use crate::calibration::{
-    AxisCalibration, AxisCorrection, Calibration, FORMAT, Input, LogUnit, MINOR_VERSION, Monomial, Provenance,
-    RunOffset, Target, Term, UNASSIGNED, VERSION, program,
+    AxisCalibration, AxisCorrection, Calibration, CorrectionTerm, FORMAT, Input, LogUnit, MINOR_VERSION, Monomial,
+    Provenance, RunOffset, Target, UNASSIGNED, VERSION, program,
 };
 use crate::model::powers::series_from_powers;
 use crate::model::{Form, Span};
@@ -63,7 +63,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
     let at_reference = dph.iter().rev().fold(0.0, |sum, c| sum * reference_c + c);
     let series = series_from_powers(span, &dph);
     let input = Input::thermometer(setup.thermometer(""), span, reference_c);
-    let terms = (1..=order).map(|n| Term::given(Form::bias(n as u8), &input, series[n])).collect();
+    let terms = (1..=order).map(|n| CorrectionTerm::given(Form::bias(n as u8), &input, series[n])).collect();
     let letter = setup.axis.unwrap_or('x');
     let axis = AxisCalibration {
         axis: letter,

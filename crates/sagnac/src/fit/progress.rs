@@ -35,23 +35,23 @@ impl Progress {
         Self { watcher: self.watcher.clone(), of: format!("axis {axis}: ") }
     }
 
-    /// A part with so many steps; [`Part::one_more`] after each.
-    pub(crate) fn part(&self, what: impl fmt::Display, of: usize) -> Part<'_> {
-        let part = Part { progress: self, what: format!("{}{what}", self.of), of, done: AtomicUsize::new(0) };
+    /// A part with so many steps; [`FitPart::one_more`] after each.
+    pub(crate) fn part(&self, what: impl fmt::Display, of: usize) -> FitPart<'_> {
+        let part = FitPart { progress: self, what: format!("{}{what}", self.of), of, done: AtomicUsize::new(0) };
         part.tell(0);
         part
     }
 }
 
 /// A part of a fit that is under way.
-pub(crate) struct Part<'a> {
+pub(crate) struct FitPart<'a> {
     progress: &'a Progress,
     what: String,
     of: usize,
     done: AtomicUsize,
 }
 
-impl Part<'_> {
+impl FitPart<'_> {
     pub(crate) fn one_more(&self) {
         self.tell(1 + self.done.fetch_add(1, Ordering::Relaxed));
     }

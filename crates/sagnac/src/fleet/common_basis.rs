@@ -6,7 +6,7 @@
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use crate::calibration::{AxisCalibration, Lag, Term};
+use crate::calibration::{AxisCalibration, CorrectionTerm, Lag};
 use crate::model::common_basis::{SeriesTerm, onto_common};
 
 /// Temperatures at which every curve is given where its span has them, °C.
@@ -30,7 +30,7 @@ pub struct CommonBasis {
 }
 
 /// A parameter as it is made of the record's own: name, unit, value, rows of the covariance with their weights.
-struct Row {
+struct ParameterRow {
     name: String,
     unit: String,
     value: f64,
@@ -39,11 +39,11 @@ struct Row {
 
 /// The terms and lags of an axis on the common basis; `None` where a term is no polynomial in the temperature.
 pub(super) fn on_common_basis(axis: &AxisCalibration) -> Option<CommonBasis> {
-    let rows: Vec<Row> = series(axis)?.into_iter().chain(lags(axis)).collect();
+    let rows: Vec<ParameterRow> = series(axis)?.into_iter().chain(lags(axis)).collect();
     let p = rows.len();
     let covariance = DMatrix::from_fn(p, p, |i, j| axis.covariance_between(&rows[i].of, &rows[j].of));
     let (mut terms, mut units, mut coefficients) = (Vec::new(), Vec::new(), Vec::new());
-    for Row { name, unit, value, .. } in rows {
+    for ParameterRow { name, unit, value, .. } in rows {
         terms.push(name);
         units.push(unit);
         coefficients.push(value);
@@ -52,17 +52,17 @@ pub(super) fn on_common_basis(axis: &AxisCalibration) -> Option<CommonBasis> {
     Some(CommonBasis { terms, units, coefficients, covariance })
 }
 
-fn series(axis: &AxisCalibration) -> Option<Vec<Row>> {
+fn series(axis: &AxisCalibration) -> Option<Vec<ParameterRow>> {
     let terms = &axis.correction.terms;
-    let of_series = |term: &Term| -> Option<SeriesTerm> {
+    let of_series = |term: &CorrectionTerm| -> Option<SeriesTerm> {
         let of_thermometer = axis.is_of_thermometer(term);
         let series = terms.iter().position(|other| is_of_series(other, term)).filter(|_| of_thermometer)?;
         Some(SeriesTerm { series, shape: term.shape, times_rate: term.times_rate })
     };
     let onto = onto_common(axis.span(), &terms.iter().map(of_series).collect::<Option<Vec<_>>>()?)?;
-    let row = |(term, weights): (&Term, Vec<(usize, f64)>)| {
+    let row = |(term, weights): (&CorrectionTerm, Vec<(usize, f64)>)| {
         let of = |(own, weight): &(usize, f64)| Some((axis.row_of(&terms[*own])?, *weight));
-        Some(Row {
+        Some(ParameterRow {
             name: axis.name_of(term),
             unit: term.unit.clone(),
             value: weights.iter().map(|(own, weight)| weight * terms[*own].value).sum(),
@@ -72,15 +72,15 @@ fn series(axis: &AxisCalibration) -> Option<Vec<Row>> {
     terms.iter().zip(onto).map(row).collect()
 }
 
-fn lags(axis: &AxisCalibration) -> impl Iterator<Item = Row> {
+fn lags(axis: &AxisCalibration) -> impl Iterator<Item = ParameterRow> {
     let named = |(name, lag): (&str, Option<Lag>)| {
         let row = axis.fit.as_ref()?.covariance_of.iter().position(|row| row == name)?;
-        Some(Row { name: name.to_owned(), unit: "s".to_owned(), value: lag?.value, of: vec![(row, 1.0)] })
+        Some(ParameterRow { name: name.to_owned(), unit: "s".to_owned(), value: lag?.value, of: vec![(row, 1.0)] })
     };
     [("lag_s", axis.lag_s()), ("slow lag_s", axis.slow_lag_s())].into_iter().filter_map(named)
 }
 
-fn is_of_series(one: &Term, other: &Term) -> bool {
+fn is_of_series(one: &CorrectionTerm, other: &CorrectionTerm) -> bool {
     (one.acts_on, one.times_rate, &one.input) == (other.acts_on, other.times_rate, &other.input)
 }
 

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::pattern::{self, Found, Use};
+use super::pattern::{self, MatchedLog, Use};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::paths::{folders_in, in_order, logs_among, logs_of, matches_among};
 
@@ -135,14 +135,14 @@ fn of_folder(folder: &Path) -> Result<Vec<Unit>> {
     all.iter().map(unit).collect()
 }
 
-fn by_its_folder(log: PathBuf) -> Found {
+fn by_its_folder(log: PathBuf) -> MatchedLog {
     let folder = log.parent().and_then(Path::file_name).unwrap_or_default();
-    Found { unit: folder.to_string_lossy().into_owned(), log, ..Found::default() }
+    MatchedLog { unit: folder.to_string_lossy().into_owned(), log, ..MatchedLog::default() }
 }
 
-fn gathered(found: Vec<Found>) -> Result<Vec<Unit>> {
+fn gathered(found: Vec<MatchedLog>) -> Result<Vec<Unit>> {
     let mut units = Gathered::default();
-    for Found { unit, lot, rig, of, log } in found {
+    for MatchedLog { unit, lot, rig, of, log } in found {
         let place = log.display().to_string();
         units.add(Unit { name: unit, lot, rig, ..Unit::default() }, of, log).map_err(|e| e.file(place))?;
     }

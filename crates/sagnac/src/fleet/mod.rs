@@ -35,7 +35,7 @@ pub use common_basis::{COMMON_TEMPERATURES_C, CommonBasis};
 pub use control::{ControlChart, Rule};
 pub use folder::{Results, TABLE, check_output, parts_of, results_in};
 pub use manifest::{Unit, units_among, units_in_manifest, units_of};
-pub use prior::{ExactSum, LotMean, NotUsed, Population, Prior, PriorFile, Sums};
+pub use prior::{ExactSum, LotMean, LotSums, NotUsed, Population, Prior, PriorFile};
 pub use quality::{Capability, Odd, Quality, Quantity, RigEffect, Yield};
 pub use recipe::Recipe;
 pub use result::{Acceptance, AxisResult, LimitResult, Outcome, Refusal, UnitResult};

@@ -34,7 +34,7 @@ const NAMES: [&str; 5] = ["unit", "lot", "rig", "run", "use"];
 
 /// A log and what its path says of it.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Found {
+pub(super) struct MatchedLog {
     pub(super) unit: String,
     pub(super) lot: String,
     pub(super) rig: String,
@@ -44,7 +44,7 @@ pub(super) struct Found {
 
 /// Part of a template.
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Part {
+enum PatternPart {
     Text(String),
     /// A name, or nothing for `*`.
     Any(Option<&'static str>),
@@ -59,16 +59,17 @@ pub(super) fn is_template(source: &Path) -> bool {
 ///
 /// # Errors
 /// An unknown name, a template without `{unit}`, no log that matches, two values of a name in one path.
-pub(super) fn matches(template: &Path, logs_of: impl FnOnce(&str) -> Result<Vec<PathBuf>>) -> Result<Vec<Found>> {
+pub(super) fn matches(template: &Path, logs_of: impl FnOnce(&str) -> Result<Vec<PathBuf>>) -> Result<Vec<MatchedLog>> {
     let text = template.to_str().unwrap_or_default();
     let wrong = |what: String| Error::input(what).file(text).help("such as data/{lot}/unit={unit}/run={run}.parquet");
-    let folders: Vec<Vec<Part>> = text.split('/').map(parts).collect::<std::result::Result<_, _>>().map_err(wrong)?;
-    if !folders.iter().flatten().any(|part| *part == Part::Any(Some("unit"))) {
+    let folders: Vec<Vec<PatternPart>> =
+        text.split('/').map(parts).collect::<std::result::Result<_, _>>().map_err(wrong)?;
+    if !folders.iter().flatten().any(|part| *part == PatternPart::Any(Some("unit"))) {
         return Err(wrong("a pattern of logs without {unit}".to_owned()));
     }
-    let as_glob = |part: &Part| match part {
-        Part::Text(text) => text.clone(),
-        Part::Any(_) => "*".to_owned(),
+    let as_glob = |part: &PatternPart| match part {
+        PatternPart::Text(text) => text.clone(),
+        PatternPart::Any(_) => "*".to_owned(),
     };
     let glob: Vec<String> = folders.iter().map(|folder| folder.iter().map(as_glob).collect()).collect();
     let logs = logs_of(&glob.join("/"))?;
@@ -77,26 +78,26 @@ pub(super) fn matches(template: &Path, logs_of: impl FnOnce(&str) -> Result<Vec<
             log.to_str().ok_or_else(|| Error::input("a name that is not Unicode").file(log.display().to_string()))?;
         let mut values: BTreeMap<&'static str, String> = BTreeMap::new();
         // A pattern may begin with `./`, which the paths that it finds do not show.
-        let plain = folders.iter().filter(|folder| **folder != [Part::Text(".".to_owned())]);
+        let plain = folders.iter().filter(|folder| **folder != [PatternPart::Text(".".to_owned())]);
         for (folder, name) in plain.zip(text.split('/').filter(|name| *name != ".")) {
             take(folder, name, &mut values).map_err(|what| Error::input(what).file(text))?;
         }
         let mut value = |name: &str| values.remove(name).unwrap_or_default();
         let of = value("use").parse().map_err(|e: Error| e.file(text))?;
-        Ok(Found { unit: value("unit"), lot: value("lot"), rig: value("rig"), of, log: log.clone() })
+        Ok(MatchedLog { unit: value("unit"), lot: value("lot"), rig: value("rig"), of, log: log.clone() })
     };
     logs.into_iter().map(found).collect()
 }
 
 /// The parts of a folder's or file's name.
-fn parts(text: &str) -> std::result::Result<Vec<Part>, String> {
-    let mut out: Vec<Part> = Vec::new();
+fn parts(text: &str) -> std::result::Result<Vec<PatternPart>, String> {
+    let mut out: Vec<PatternPart> = Vec::new();
     let mut rest = text;
     while let Some(at) = rest.find(['{', '*']) {
         let (before, from) = rest.split_at(at);
         if !before.is_empty() {
-            out.push(Part::Text(before.to_owned()));
-        } else if matches!(out.last(), Some(Part::Any(_))) {
+            out.push(PatternPart::Text(before.to_owned()));
+        } else if matches!(out.last(), Some(PatternPart::Any(_))) {
             return Err(format!("two names without a letter between them: {text}"));
         }
         let (name, after) = match from.strip_prefix('{') {
@@ -107,26 +108,30 @@ fn parts(text: &str) -> std::result::Result<Vec<Part>, String> {
             }
             None => (None, &from[1..]),
         };
-        out.push(Part::Any(name));
+        out.push(PatternPart::Any(name));
         rest = after;
     }
     if !rest.is_empty() {
-        out.push(Part::Text(rest.to_owned()));
+        out.push(PatternPart::Text(rest.to_owned()));
     }
     Ok(out)
 }
 
 /// The values of a name: each ends where the text behind it begins first.
-fn take(folder: &[Part], name: &str, values: &mut BTreeMap<&'static str, String>) -> std::result::Result<(), String> {
+fn take(
+    folder: &[PatternPart],
+    name: &str,
+    values: &mut BTreeMap<&'static str, String>,
+) -> std::result::Result<(), String> {
     let mut rest = name;
     for (at, part) in folder.iter().enumerate() {
         match part {
-            Part::Text(text) => rest = rest.strip_prefix(text.as_str()).unwrap_or_default(),
-            Part::Any(known) => {
+            PatternPart::Text(text) => rest = rest.strip_prefix(text.as_str()).unwrap_or_default(),
+            PatternPart::Any(known) => {
                 let end = match folder.get(at + 1) {
                     // The last text ends the name: `a.b.csv` of `{unit}.csv` is `a.b`.
-                    Some(Part::Text(next)) if at + 2 == folder.len() => rest.len().saturating_sub(next.len()),
-                    Some(Part::Text(next)) => rest.find(next.as_str()).unwrap_or(rest.len()),
+                    Some(PatternPart::Text(next)) if at + 2 == folder.len() => rest.len().saturating_sub(next.len()),
+                    Some(PatternPart::Text(next)) => rest.find(next.as_str()).unwrap_or(rest.len()),
                     _ => rest.len(),
                 };
                 let (value, after) = rest.split_at_checked(end).unwrap_or((rest, ""));

@@ -136,7 +136,7 @@ pub struct Capability {
 }
 
 /// A value of an axis.
-struct Value<'a> {
+struct AxisValue<'a> {
     unit: &'a UnitResult,
     axis: &'a AxisResult,
     value: f64,
@@ -158,7 +158,7 @@ impl Quality {
             let (compared, effects) = rig_effects(&name, &unit, &values, FALSE_ALARM / tested as f64);
             out.compared += compared;
             out.rigs.extend(effects);
-            let of: Vec<String> = values.iter().map(Value::name).collect();
+            let of: Vec<String> = values.iter().map(AxisValue::name).collect();
             let Some(chart) = ControlChart::new(values.iter().map(|value| value.value).collect()) else { continue };
             for (of, value) in of.iter().zip(&chart.values) {
                 let sigmas = (value - chart.centre) / chart.sigma;
@@ -175,15 +175,15 @@ impl Quality {
     }
 }
 
-impl Value<'_> {
+impl AxisValue<'_> {
     fn name(&self) -> String {
         format!("{} {}", self.unit.unit, self.axis.axis)
     }
 }
 
 /// The quantities of a fleet by their names, each with its unit and values.
-fn quantities(results: &[UnitResult]) -> Vec<(String, (String, Vec<Value<'_>>))> {
-    let mut all: Vec<(String, (String, Vec<Value<'_>>))> = Vec::new();
+fn quantities(results: &[UnitResult]) -> Vec<(String, (String, Vec<AxisValue<'_>>))> {
+    let mut all: Vec<(String, (String, Vec<AxisValue<'_>>))> = Vec::new();
     let mut places: BTreeMap<String, usize> = BTreeMap::new();
     for unit in results {
         for axis in &unit.axes {
@@ -194,7 +194,7 @@ fn quantities(results: &[UnitResult]) -> Vec<(String, (String, Vec<Value<'_>>))>
                     all.push((name, (of, Vec::new())));
                 }
                 if value.is_finite() {
-                    all[at].1.1.push(Value { unit, axis, value });
+                    all[at].1.1.push(AxisValue { unit, axis, value });
                 }
             }
         }
@@ -240,8 +240,8 @@ fn rigs(results: &[UnitResult]) -> Vec<&str> {
 }
 
 /// Comparisons that could be made, and the rigs that differ at this probability.
-fn rig_effects(name: &str, unit: &str, values: &[Value<'_>], probability: f64) -> (usize, Vec<RigEffect>) {
-    let mut by_lot: BTreeMap<&str, Vec<&Value<'_>>> = BTreeMap::new();
+fn rig_effects(name: &str, unit: &str, values: &[AxisValue<'_>], probability: f64) -> (usize, Vec<RigEffect>) {
+    let mut by_lot: BTreeMap<&str, Vec<&AxisValue<'_>>> = BTreeMap::new();
     values.iter().for_each(|value| by_lot.entry(&value.unit.lot).or_default().push(value));
     // Of each lot and rig: number and mean of clipped values.
     let mut lots: Vec<BTreeMap<&str, [f64; 2]>> = Vec::new();
@@ -270,7 +270,7 @@ fn rig_effects(name: &str, unit: &str, values: &[Value<'_>], probability: f64) -
     let (compared, mut found) = (all.len(), Vec::new());
     let mut rest = all;
     // The furthest first, and then the others without it: they do not differ because of it.
-    while let Some(Compared { rig, difference, sigma, axes }) =
+    while let Some(ComparedRig { rig, difference, sigma, axes }) =
         rest.into_iter().max_by(|a, b| a.sigmas().total_cmp(&b.sigmas())).filter(|worst| worst.sigmas() > bound)
     {
         lots.iter_mut().for_each(|lot| {
@@ -284,21 +284,21 @@ fn rig_effects(name: &str, unit: &str, values: &[Value<'_>], probability: f64) -
 }
 
 /// A rig beside the others of its lots.
-struct Compared<'a> {
+struct ComparedRig<'a> {
     rig: &'a str,
     difference: f64,
     sigma: f64,
     axes: usize,
 }
 
-impl Compared<'_> {
+impl ComparedRig<'_> {
     fn sigmas(&self) -> f64 {
         self.difference.abs() / self.sigma
     }
 }
 
 /// Every rig that can be compared; `lots` has number and mean of each rig's values.
-fn compared_rigs<'a>(lots: &[BTreeMap<&'a str, [f64; 2]>], variance: f64) -> Vec<Compared<'a>> {
+fn compared_rigs<'a>(lots: &[BTreeMap<&'a str, [f64; 2]>], variance: f64) -> Vec<ComparedRig<'a>> {
     let mut names: Vec<&str> = lots.iter().flat_map(|lot| lot.keys().copied()).collect();
     names.sort_unstable();
     names.dedup();
@@ -317,7 +317,7 @@ fn compared_rigs<'a>(lots: &[BTreeMap<&'a str, [f64; 2]>], variance: f64) -> Vec
             axes += *n as usize;
         }
         let is_known = weights > 0.0 && weights.is_finite();
-        is_known.then(|| Compared { rig, difference: sum / weights, sigma: weights.sqrt().recip(), axes })
+        is_known.then(|| ComparedRig { rig, difference: sum / weights, sigma: weights.sqrt().recip(), axes })
     };
     names.into_iter().filter_map(of).collect()
 }

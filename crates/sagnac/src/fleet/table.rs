@@ -29,10 +29,10 @@ const BATCH_ROWS: usize = 1024;
 const MOST_VALUES: u64 = 1 << 26;
 
 /// A unit and one of its axes.
-type Row<'a> = (&'a UnitResult, Option<&'a AxisResult>);
+type AxisRow<'a> = (&'a UnitResult, Option<&'a AxisResult>);
 
 pub(super) fn write(results: &[UnitResult], path: &Path) -> Result<()> {
-    let rows: Vec<Row<'_>> = results.iter().flat_map(rows_of).collect();
+    let rows: Vec<AxisRow<'_>> = results.iter().flat_map(rows_of).collect();
     let broken = |e: &dyn std::fmt::Display| Error::input(format!("cannot write the table: {e}"));
     let batch = batch_of(&rows).map_err(|e| broken(&e))?;
     write_atomically(path, |out| {
@@ -96,12 +96,12 @@ fn summary(path: &Path) -> Result<Option<TableSummary>> {
     Ok(Some(out))
 }
 
-fn rows_of(unit: &UnitResult) -> Vec<Row<'_>> {
+fn rows_of(unit: &UnitResult) -> Vec<AxisRow<'_>> {
     let axes = unit.axes.iter().map(Some).chain(unit.axes.is_empty().then_some(None));
     axes.map(|axis| (unit, axis)).collect()
 }
 
-fn batch_of(rows: &[Row<'_>]) -> std::result::Result<RecordBatch, arrow_schema::ArrowError> {
+fn batch_of(rows: &[AxisRow<'_>]) -> std::result::Result<RecordBatch, arrow_schema::ArrowError> {
     let of_axis = |value: fn(&AxisResult) -> Option<f64>| number(rows, move |(_, axis)| axis.and_then(value));
     let common = |values: fn(&CommonBasis) -> &[f64]| {
         numbers(rows, move |axis| axis.common.as_ref().map(|common| values(common).iter().copied().map(Some).collect()))
@@ -161,15 +161,15 @@ fn batch_of(rows: &[Row<'_>]) -> std::result::Result<RecordBatch, arrow_schema::
     RecordBatch::try_new(Arc::new(schema), columns.into_iter().map(|(_, column)| column).collect())
 }
 
-fn text<'a>(rows: &[Row<'a>], value: impl Fn(Row<'a>) -> Option<&'a str>) -> ArrayRef {
+fn text<'a>(rows: &[AxisRow<'a>], value: impl Fn(AxisRow<'a>) -> Option<&'a str>) -> ArrayRef {
     Arc::new(StringArray::from_iter(rows.iter().map(|row| value(*row))))
 }
 
-fn number<'a>(rows: &[Row<'a>], value: impl Fn(Row<'a>) -> Option<f64>) -> ArrayRef {
+fn number<'a>(rows: &[AxisRow<'a>], value: impl Fn(AxisRow<'a>) -> Option<f64>) -> ArrayRef {
     Arc::new(Float64Array::from_iter(rows.iter().map(|row| value(*row))))
 }
 
-fn flag(rows: &[Row<'_>], value: fn(&AxisResult) -> bool) -> ArrayRef {
+fn flag(rows: &[AxisRow<'_>], value: fn(&AxisResult) -> bool) -> ArrayRef {
     Arc::new(BooleanArray::from_iter(rows.iter().map(|(_, axis)| axis.map(value))))
 }
 
@@ -177,7 +177,7 @@ fn plain(names: &[String]) -> Vec<&str> {
     names.iter().map(String::as_str).collect()
 }
 
-fn texts<'a>(rows: &[Row<'a>], values: impl Fn(&'a AxisResult) -> Option<Vec<&'a str>>) -> ArrayRef {
+fn texts<'a>(rows: &[AxisRow<'a>], values: impl Fn(&'a AxisResult) -> Option<Vec<&'a str>>) -> ArrayRef {
     let mut list = ListBuilder::new(StringBuilder::new());
     for (_, axis) in rows {
         let values = axis.and_then(&values);
@@ -187,7 +187,7 @@ fn texts<'a>(rows: &[Row<'a>], values: impl Fn(&'a AxisResult) -> Option<Vec<&'a
     Arc::new(list.finish())
 }
 
-fn numbers(rows: &[Row<'_>], values: impl Fn(&AxisResult) -> Option<Vec<Option<f64>>>) -> ArrayRef {
+fn numbers(rows: &[AxisRow<'_>], values: impl Fn(&AxisResult) -> Option<Vec<Option<f64>>>) -> ArrayRef {
     let mut list = ListBuilder::new(Float64Builder::new());
     for (_, axis) in rows {
         let values = axis.and_then(&values);

@@ -8,7 +8,7 @@
 //! M is linear and exact for polynomials. The constant of a series in T belongs to the run offset and is not part of it; that of a rate
 //! series is `rate 0`. Fails for zones, steps and harmonics, which have no such basis.
 
-use crate::model::Shape;
+use crate::model::TermShape;
 use crate::model::basis::Span;
 use crate::model::powers::{powers_of_chebyshev, series_from_powers};
 
@@ -20,7 +20,7 @@ pub const COMMON_SPAN: Span = Span { lo: -40.0, hi: 80.0 };
 pub(crate) struct SeriesTerm {
     /// Same for all terms of a series.
     pub(crate) series: usize,
-    pub(crate) shape: Shape,
+    pub(crate) shape: TermShape,
     pub(crate) times_rate: bool,
 }
 
@@ -52,7 +52,7 @@ mod tests {
         let span = Span { lo: -12.0, hi: 51.0 };
         let term = |series: usize, order: u8| SeriesTerm {
             series,
-            shape: Shape::Chebyshev { order },
+            shape: TermShape::Chebyshev { order },
             times_rate: series == 1,
         };
         let terms = [term(0, 1), term(0, 2), term(0, 3), term(1, 0), term(1, 1)];
@@ -70,6 +70,6 @@ mod tests {
             assert!((value(span, &own, 1, celsius) - value(COMMON_SPAN, &common, 1, celsius)).abs() < 1e-12);
         }
         assert!(onto_common(span, &[term(0, 2)]).is_none(), "a series without its first order");
-        assert!(onto_common(span, &[SeriesTerm { shape: Shape::Step { threshold: 1.0 }, ..terms[0] }]).is_none());
+        assert!(onto_common(span, &[SeriesTerm { shape: TermShape::Step { threshold: 1.0 }, ..terms[0] }]).is_none());
     }
 }

@@ -11,7 +11,7 @@
 use std::borrow::Cow;
 
 use crate::model::basis::{BASIS_LEN, Span, chebyshev, chebyshev_mean};
-use crate::model::shape::{KNOTS_PER_ONE, Movement, Shape};
+use crate::model::shape::{KNOTS_PER_ONE, Movement, TermShape};
 use crate::window::{WindowShape, Windows, holds_whole_numbers, is_whole};
 
 /// Fewest and most whole numbers of a column that may have steps.
@@ -260,8 +260,8 @@ impl SampledInput {
     }
 
     /// Mean of a shape over a row, less its value at the reference.
-    pub(crate) fn mean(&self, shape: Shape, row: usize) -> f64 {
-        if let Shape::Chebyshev { order } = shape {
+    pub(crate) fn mean(&self, shape: TermShape, row: usize) -> f64 {
+        if let TermShape::Chebyshev { order } = shape {
             return self.basis[row].get(usize::from(order)).copied().unwrap_or(0.0);
         }
         let over = Movement { x: self.x[row], variance: self.x_variance[row], levels: &self.levels };
@@ -312,7 +312,7 @@ mod tests {
     fn zones_meet_with_a_continuous_slope() {
         let span = Span { lo: -1.0, hi: 1.0 };
         let knot = knots(4, span)[2];
-        let zone = Shape::Zone { knot };
+        let zone = TermShape::Zone { knot };
         assert!((knot - 0.5).abs() < 1e-12);
         assert!(zone.slope(span, knot - 1e-6).abs() < 1e-9 && zone.slope(span, knot + 1e-6).abs() < 1e-4);
         assert!((zone.value(span, 1.0) - 1.0).abs() < 1e-12 && (zone.slope(span, 0.75) - 2.0).abs() < 1e-9);

@@ -18,5 +18,5 @@ pub(crate) mod spec;
 pub use basis::{BASIS_LEN, Span, chebyshev};
 pub use common_basis::COMMON_SPAN;
 pub use price::{TICK_INSTRUCTIONS, WITHIN as PRICED_WITHIN, work_of};
-pub use shape::{ActsOn, Form, Shape};
+pub use shape::{ActsOn, Form, TermShape};
 pub use spec::{InputTerms, MAX_RATE_ORDER, ModelSpec};

@@ -7,12 +7,12 @@
 //! cosine, sine     cos(2π·(v − v_lo)/P), sin(2π·(v − v_lo)/P)      v: the input, v_lo the lower end of its span, P the period
 //! ```
 //!
-//! A [`Shape`] holds everything that a form of term needs: its value, its mean over a window, its slope, its powers of the
+//! A [`TermShape`] holds everything that a form of term needs: its value, its mean over a window, its slope, its powers of the
 //! input, its place in the image. Fit, record, export, evaluation and report ask the shape, so a new shape is
 //! a new arm of each function in this file.
 #![deny(clippy::wildcard_enum_match_arm)]
 
-use sagnac_core::Shape as TargetShape;
+use sagnac_core::Shape;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -45,7 +45,7 @@ impl ActsOn {
 /// A function of one input. Knots, thresholds and periods are in the unit of the input.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Shape {
+pub enum TermShape {
     /// The Chebyshev polynomial T_n of the scaled input.
     Chebyshev {
         /// Its order n, 0 to 8.
@@ -81,7 +81,7 @@ pub(crate) struct Movement<'a> {
     pub(crate) levels: &'a [f64],
 }
 
-impl Shape {
+impl TermShape {
     /// Its value where the input is at `value`, in the input's unit.
     pub fn value(self, span: Span, value: f64) -> f64 {
         match self {
@@ -177,24 +177,24 @@ impl Shape {
     }
 
     /// The shape of the image and the factor from a coefficient of this shape to one of that; `Err` names what does not fit.
-    pub(crate) fn encode(self, span: Span) -> Result<(TargetShape, f64), &'static str> {
+    pub(crate) fn encode(self, span: Span) -> Result<(Shape, f64), &'static str> {
         let knot_q15 = |at: f64, what: &'static str| {
             let knot = (span.x(at) * KNOTS_PER_ONE).round();
             if knot.abs() < KNOTS_PER_ONE { Ok(knot as i16) } else { Err(what) }
         };
         match self {
-            Self::Chebyshev { order } => Ok((TargetShape::Chebyshev(order), 1.0)),
+            Self::Chebyshev { order } => Ok((Shape::Chebyshev(order), 1.0)),
             Self::Zone { knot } => {
                 let knot_q15 = knot_q15(knot, "knot (outside of the span)")?;
                 // The target's zone is ((x − ξ)/2)².
                 let width = 1.0 - f64::from(knot_q15) / KNOTS_PER_ONE;
-                Ok((TargetShape::Zone { knot_q15 }, (2.0 / width).powi(2)))
+                Ok((Shape::Zone { knot_q15 }, (2.0 / width).powi(2)))
             }
             Self::Step { threshold } => {
-                Ok((TargetShape::Step { knot_q15: knot_q15(threshold, "threshold (outside of the span)")? }, 1.0))
+                Ok((Shape::Step { knot_q15: knot_q15(threshold, "threshold (outside of the span)")? }, 1.0))
             }
-            Self::Cosine { period } => Ok((TargetShape::Cosine { turns_q18: target_turns(span, period)? }, 1.0)),
-            Self::Sine { period } => Ok((TargetShape::Sine { turns_q18: target_turns(span, period)? }, 1.0)),
+            Self::Cosine { period } => Ok((Shape::Cosine { turns_q18: target_turns(span, period)? }, 1.0)),
+            Self::Sine { period } => Ok((Shape::Sine { turns_q18: target_turns(span, period)? }, 1.0)),
         }
     }
 
@@ -242,7 +242,7 @@ pub struct Form {
     /// What it acts on.
     pub acts_on: ActsOn,
     /// The function of its input.
-    pub shape: Shape,
+    pub shape: TermShape,
     /// It is multiplied with the lagged rate of its input, per minute.
     pub times_rate: bool,
 }
@@ -250,17 +250,17 @@ pub struct Form {
 impl Form {
     /// A polynomial of the bias.
     pub const fn bias(order: u8) -> Self {
-        Self { acts_on: ActsOn::Bias, shape: Shape::Chebyshev { order }, times_rate: false }
+        Self { acts_on: ActsOn::Bias, shape: TermShape::Chebyshev { order }, times_rate: false }
     }
 
     /// A polynomial that multiplies the rate.
     pub const fn rate(order: u8) -> Self {
-        Self { acts_on: ActsOn::Bias, shape: Shape::Chebyshev { order }, times_rate: true }
+        Self { acts_on: ActsOn::Bias, shape: TermShape::Chebyshev { order }, times_rate: true }
     }
 
     /// A polynomial of the scale factor.
     pub const fn scale(order: u8) -> Self {
-        Self { acts_on: ActsOn::ScaleFactor, shape: Shape::Chebyshev { order }, times_rate: false }
+        Self { acts_on: ActsOn::ScaleFactor, shape: TermShape::Chebyshev { order }, times_rate: false }
     }
 
     /// Its value where the input is at `value`, less that at the reference; of a rate term the factor of the rate.
@@ -284,11 +284,11 @@ impl Form {
     /// Its word in names of terms, as `--model` has it.
     pub(crate) fn word(self) -> String {
         let of_shape = match self.shape {
-            Shape::Chebyshev { .. } => "",
-            Shape::Zone { .. } => "zone",
-            Shape::Step { .. } => "step",
-            Shape::Cosine { .. } => "cosine",
-            Shape::Sine { .. } => "sine",
+            TermShape::Chebyshev { .. } => "",
+            TermShape::Zone { .. } => "zone",
+            TermShape::Step { .. } => "step",
+            TermShape::Cosine { .. } => "cosine",
+            TermShape::Sine { .. } => "sine",
         };
         let of_form = match (self.acts_on, self.times_rate) {
             (ActsOn::Bias, false) if of_shape.is_empty() => "bias",
@@ -308,13 +308,13 @@ impl Form {
 }
 
 /// Position of a shape among the terms of an image: one record, one image.
-pub(crate) fn image_order(shape: TargetShape) -> (u8, i32) {
+pub(crate) fn image_order(shape: Shape) -> (u8, i32) {
     match shape {
-        TargetShape::Chebyshev(order) => (0, order.into()),
-        TargetShape::Zone { knot_q15 } => (1, knot_q15.into()),
-        TargetShape::Step { knot_q15 } => (2, knot_q15.into()),
-        TargetShape::Cosine { turns_q18 } => (3, turns_q18.cast_signed()),
-        TargetShape::Sine { turns_q18 } => (4, turns_q18.cast_signed()),
+        Shape::Chebyshev(order) => (0, order.into()),
+        Shape::Zone { knot_q15 } => (1, knot_q15.into()),
+        Shape::Step { knot_q15 } => (2, knot_q15.into()),
+        Shape::Cosine { turns_q18 } => (3, turns_q18.cast_signed()),
+        Shape::Sine { turns_q18 } => (4, turns_q18.cast_signed()),
     }
 }
 
@@ -381,13 +381,13 @@ mod tests {
     use super::*;
 
     const SPAN: Span = Span { lo: -40.0, hi: 70.0 };
-    const SHAPES: [Shape; 6] = [
-        Shape::Chebyshev { order: 3 },
-        Shape::Chebyshev { order: 8 },
-        Shape::Zone { knot: 15.0 },
-        Shape::Zone { knot: -12.5 },
-        Shape::Cosine { period: 27.5 },
-        Shape::Sine { period: 110.0 },
+    const SHAPES: [TermShape; 6] = [
+        TermShape::Chebyshev { order: 3 },
+        TermShape::Chebyshev { order: 8 },
+        TermShape::Zone { knot: 15.0 },
+        TermShape::Zone { knot: -12.5 },
+        TermShape::Cosine { period: 27.5 },
+        TermShape::Sine { period: 110.0 },
     ];
 
     /// Central differences of the value.
@@ -407,7 +407,7 @@ mod tests {
     #[test]
     fn means_are_those_of_the_values() {
         for shape in SHAPES {
-            if shape == (Shape::Chebyshev { order: 8 }) {
+            if shape == (TermShape::Chebyshev { order: 8 }) {
                 continue;
             }
             let (middle, half) = (33.0, 1.0);
@@ -439,7 +439,7 @@ mod tests {
         assert_eq!(Form::bias(2).name(None), "bias 2");
         assert_eq!(Form::rate(0).name(Some("cavity")), "rate(cavity) 0");
         assert_eq!(Form::scale(1).name(None), "scale 1");
-        let step = Form { shape: Shape::Step { threshold: 1.5 }, ..Form::bias(0) };
+        let step = Form { shape: TermShape::Step { threshold: 1.5 }, ..Form::bias(0) };
         assert_eq!(step.name(Some("mode")), "step(mode) from 1.5000");
     }
 }

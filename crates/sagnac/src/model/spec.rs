@@ -14,7 +14,7 @@ use sagnac_core::MAX_ORDER;
 
 use sagnac_log::error::{Error, Result};
 
-use crate::model::shape::{ActsOn, Form, Shape};
+use crate::model::shape::{ActsOn, Form, TermShape};
 
 /// Highest order of the rate series.
 pub const MAX_RATE_ORDER: u8 = 3;
@@ -77,7 +77,9 @@ impl Harmonic {
     /// The terms of it, once the period is known.
     fn forms(self) -> impl Iterator<Item = Form> {
         let form = move |shape| Form { acts_on: self.acts_on, shape, times_rate: false };
-        self.period.into_iter().flat_map(move |period| [form(Shape::Cosine { period }), form(Shape::Sine { period })])
+        self.period
+            .into_iter()
+            .flat_map(move |period| [form(TermShape::Cosine { period }), form(TermShape::Sine { period })])
     }
 }
 
@@ -148,9 +150,9 @@ impl InputTerms {
         let mut forms: Vec<Form> = (1..=self.bias).map(Form::bias).collect();
         forms.extend(self.rate.into_iter().flat_map(|order| (0..=order).map(Form::rate)));
         let on_bias = |shape| Form { shape, ..Form::bias(0) };
-        forms.extend(knots.iter().map(|knot| on_bias(Shape::Zone { knot: *knot })));
+        forms.extend(knots.iter().map(|knot| on_bias(TermShape::Zone { knot: *knot })));
         if self.steps.is_some() {
-            forms.extend(thresholds.iter().map(|threshold| on_bias(Shape::Step { threshold: *threshold })));
+            forms.extend(thresholds.iter().map(|threshold| on_bias(TermShape::Step { threshold: *threshold })));
         }
         let of = |acts_on| self.harmonics.iter().filter(move |harmonic| harmonic.acts_on == acts_on);
         forms.extend(of(ActsOn::Bias).flat_map(|harmonic| harmonic.forms()));
@@ -282,13 +284,13 @@ impl fmt::Display for ModelSpec {
 }
 
 /// A term of `--model`: its word, its input if one is named, the number behind it if there is one.
-struct Part<'a> {
+struct ModelWord<'a> {
     word: &'a str,
     input: Option<&'a str>,
     number: &'a str,
 }
 
-impl<'a> Part<'a> {
+impl<'a> ModelWord<'a> {
     fn parse(text: &'a str) -> std::result::Result<Self, &'static str> {
         let (head, input, rest) = match text.split_once('(') {
             Some((word, rest)) => {
@@ -359,7 +361,7 @@ impl FromStr for ModelSpec {
         let mut spec = Self::default();
         let mut seen = Vec::new();
         for part in parts(text) {
-            let part = Part::parse(part).map_err(bad)?;
+            let part = ModelWord::parse(part).map_err(bad)?;
             let (word, input, harmonic) = (part.word, part.input, part.harmonic().map_err(bad)?);
             if seen.contains(&(word, input)) && harmonic.is_none() {
                 return Err(bad("the same term twice"));

@@ -6,7 +6,7 @@
 //! ```
 //!
 //! A plain likelihood would count as drift the part of the noise that the terms absorb. A test of hours rarely tells one kind of
-//! slow noise from another, so that intervals go by all of them ([`Estimate::mixed`]).
+//! slow noise from another, so that intervals go by all of them ([`NoiseEstimate::mixed`]).
 //!
 //! Fails with few rows ([`FEWEST_FOR_NOISE`]), and where a run is shorter than the slow noise.
 
@@ -27,14 +27,14 @@ const MARKOV_WINDOWS: [f64; 5] = [1.0, 2.0, 5.0, 15.0, 50.0];
 
 /// Slow noise as the rows tell it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Estimate {
+pub(crate) struct NoiseEstimate {
     /// The likeliest: flicker always, walk and Markov where they gain.
     pub(crate) best: SlowNoise,
     /// Each kind by its likelihood, for intervals. Noise that was taken for flicker and is another makes them too narrow.
     pub(crate) mixed: SlowNoise,
 }
 
-impl Estimate {
+impl NoiseEstimate {
     /// A noise that is known.
     pub(crate) fn known(noise: SlowNoise) -> Self {
         Self { best: noise, mixed: noise }
@@ -42,7 +42,7 @@ impl Estimate {
 }
 
 /// The noise by `criterion`, −2·ln of the restricted likelihood.
-pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64 + Sync) -> Estimate {
+pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64 + Sync) -> NoiseEstimate {
     let better = |a: (SlowNoise, f64), b: (SlowNoise, f64), gain: f64| if b.1 < a.1 - gain { b } else { a };
     // The best of each process beside what is there already, all at a time.
     let best_of_each = |base: SlowNoise, processes: &[Process]| -> Vec<(SlowNoise, f64)> {
@@ -64,7 +64,7 @@ pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64 + Sy
     best = best_of_each(base, &second).into_iter().fold(best, |best, found| better(best, found, GAIN));
     let log_variance = log_variance(best, criterion);
     let mixed = if best.0 == SlowNoise::default() { best.0 } else { mixture(best, &first) };
-    Estimate { best: SlowNoise { log_variance, ..best.0 }, mixed: SlowNoise { log_variance, ..mixed } }
+    NoiseEstimate { best: SlowNoise { log_variance, ..best.0 }, mixed: SlowNoise { log_variance, ..mixed } }
 }
 
 /// By how much −2·ln of the likelihood of measured noise must be less than that of stated noise: odds of 400 to 1.

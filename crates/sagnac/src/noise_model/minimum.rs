@@ -10,14 +10,14 @@ const MOST_STEPS: usize = 60;
 
 /// A place and the function there.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Point {
+pub(crate) struct LowestPoint {
     pub(crate) at: f64,
     pub(crate) value: f64,
 }
 
 /// Minimum of a function with one valley between `lo` and `hi`, to within `tolerance` of its place.
-pub(crate) fn minimum(mut lo: f64, mut hi: f64, tolerance: f64, f: impl Fn(f64) -> f64) -> Point {
-    let point = |at: f64| Point { at, value: f(at) };
+pub(crate) fn minimum(mut lo: f64, mut hi: f64, tolerance: f64, f: impl Fn(f64) -> f64) -> LowestPoint {
+    let point = |at: f64| LowestPoint { at, value: f(at) };
     let mut lowest = point(lo + SECTION * (hi - lo));
     // The second and the third lowest; the last two steps.
     let (mut second, mut third, mut step, mut before) = (lowest, lowest, 0.0_f64, 0.0_f64);
@@ -56,7 +56,7 @@ pub(crate) fn minimum(mut lo: f64, mut hi: f64, tolerance: f64, f: impl Fn(f64) 
 }
 
 /// From the first of three points to the vertex of the parabola through them; `None` where there is none below.
-fn vertex(a: Point, b: Point, c: Point) -> Option<f64> {
+fn vertex(a: LowestPoint, b: LowestPoint, c: LowestPoint) -> Option<f64> {
     let (to_b, to_c) = (b.at - a.at, c.at - a.at);
     let (of_b, of_c) = (to_c * (b.value - a.value), to_b * (c.value - a.value));
     let to_vertex = 0.5 * (to_c * of_b - to_b * of_c) / (of_b - of_c);

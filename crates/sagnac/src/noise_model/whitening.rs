@@ -10,7 +10,7 @@ use crate::noise_model::processes::{NoiseRows, STATES, SlowNoise};
 
 /// What to do with a row.
 #[derive(Clone, Copy, Debug)]
-struct Step {
+struct WhiteningStep {
     keep: [f64; STATES],
     gain: [f64; STATES],
     /// 1/√ of the innovation's variance.
@@ -20,7 +20,7 @@ struct Step {
 /// The filter of all rows.
 #[derive(Clone, Debug)]
 pub(crate) struct Whitening {
-    steps: Vec<Step>,
+    steps: Vec<WhiteningStep>,
     states: usize,
     /// Σ ln of the variances of the innovations.
     pub(crate) log_determinant: f64,
@@ -105,7 +105,7 @@ impl Whitening {
             }
         }
         self.log_determinant += variance.ln();
-        self.steps.push(Step { keep, gain, inverse_root: variance.sqrt().recip() });
+        self.steps.push(WhiteningStep { keep, gain, inverse_root: variance.sqrt().recip() });
     }
 
     /// For rows of so many numbers, from the first row on.
@@ -117,7 +117,7 @@ impl Whitening {
 impl Filter<'_> {
     /// Rows in their order; `row` becomes its innovation at unit white variance.
     pub(crate) fn push(&mut self, index: usize, row: &mut [f64]) {
-        let Step { keep, gain, inverse_root } = &self.whitening.steps[index];
+        let WhiteningStep { keep, gain, inverse_root } = &self.whitening.steps[index];
         let news = &mut self.news[..row.len()];
         news.fill(0.0);
         for (state, keep) in self.state.chunks_mut(self.columns).zip(keep) {

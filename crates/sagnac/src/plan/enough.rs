@@ -24,7 +24,7 @@ use serde::Serialize;
 use super::passes::{BIN_C, Passes, rested_from_both, sweeps};
 use super::promise::{self, Expected, Promise};
 use crate::calibration::{AxisCalibration, Calibration};
-use crate::diagnostics::{Leg, Point, ReportData};
+use crate::diagnostics::{Leg, ReportData, WindowPoint};
 use crate::verify::Limits;
 
 /// Temperatures over the span, ends included: of soaks that are compared, and of the criterion.
@@ -184,7 +184,7 @@ struct Ways {
 }
 
 impl Ways {
-    fn of(axis: &AxisCalibration, points: &[Point], request: &EnoughRequest) -> Self {
+    fn of(axis: &AxisCalibration, points: &[WindowPoint], request: &EnoughRequest) -> Self {
         let mut ways = Self::default();
         let [seen_lo, seen_hi] = axis.span_c();
         let rate_cpm = ramp_rate(axis, request);
@@ -269,7 +269,7 @@ fn axis_so_far(
 
 /// What the model leaves of the residual over temperature, where it is more than the share of its limit. Means over [`BIN_C`], apart for each sweep and for
 /// heating, cooling and rest, have a mean square beyond that of white noise and of the slow noise of the fit.
-fn misfit_of(axis: &AxisCalibration, points: &[Point], window_s: f64, request: &EnoughRequest) -> Option<String> {
+fn misfit_of(axis: &AxisCalibration, points: &[WindowPoint], window_s: f64, request: &EnoughRequest) -> Option<String> {
     let limit = request.share * request.limits.temperature_residual_dph_max?;
     let ahead = Ahead::new(axis, window_s, 0.0, 0.0)?;
     let mut bins: BTreeMap<(i64, u8, u32), (f64, f64)> = BTreeMap::new();

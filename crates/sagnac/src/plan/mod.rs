@@ -26,7 +26,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 pub use enough::{Enough, EnoughRequest, NextStep, enough};
-pub use profile::{Chamber, Step};
+pub use profile::{Chamber, ProfileStep};
 pub use promise::Expected;
 
 use crate::calibration::AxisCalibration;
@@ -86,7 +86,7 @@ impl PlanRequest {
 #[non_exhaustive]
 pub struct Plan {
     /// Its steps, from the chamber's start.
-    pub steps: Vec<Step>,
+    pub steps: Vec<ProfileStep>,
     /// Its length, h.
     pub hours: f64,
     /// Probability that the error of the correction is within the share of all limits.
@@ -104,7 +104,7 @@ pub struct Plan {
 }
 
 /// A candidate with what it promises.
-struct Candidate {
+struct PromisedProfile {
     profile: Profile,
     promise: Promise,
 }
@@ -119,7 +119,7 @@ pub fn plan(request: &PlanRequest) -> Result<Plan> {
     let all = profile::candidates(&request.prior, &request.chamber, &SOAKS_MIN, &PLATEAUS, request.hours_max);
     let nearest = shortest(request, &all, &mut best, &mut candidates);
     let Some(best) = best else { return Err(none(request, nearest)) };
-    let Candidate { profile, promise } = shortened(request, best);
+    let PromisedProfile { profile, promise } = shortened(request, best);
     let mut vague = request.clone();
     vague.prior.covariance.iter_mut().for_each(|value| *value *= WITHOUT_PRIOR);
     let mut without = None;
@@ -184,20 +184,21 @@ fn none(request: &PlanRequest, nearest: Option<Promise>) -> Error {
 fn shortest(
     request: &PlanRequest,
     all: &[Profile],
-    found: &mut Option<Candidate>,
+    found: &mut Option<PromisedProfile>,
     looked_at: &mut usize,
 ) -> Option<Promise> {
     let mut nearest: Option<Promise> = None;
     for some in all.chunks(AT_ONCE) {
         *looked_at += some.len();
-        let promised =
-            |profile: &Profile| Some(Candidate { promise: promised(request, profile)?, profile: profile.clone() });
-        let some: Vec<Candidate> = some.par_iter().filter_map(promised).collect();
+        let promised = |profile: &Profile| {
+            Some(PromisedProfile { promise: promised(request, profile)?, profile: profile.clone() })
+        };
+        let some: Vec<PromisedProfile> = some.par_iter().filter_map(promised).collect();
         let best = some.iter().map(|candidate| &candidate.promise).chain(&nearest);
         nearest = best.max_by(|a, b| a.probability.total_cmp(&b.probability)).cloned();
-        let does = |candidate: &Candidate| candidate.promise.probability >= request.probability;
+        let does = |candidate: &PromisedProfile| candidate.promise.probability >= request.probability;
         // Lengths within a chunk differ little: of those that do it the one that knows most.
-        let sigma = |candidate: &Candidate| candidate.promise.sigma_dph;
+        let sigma = |candidate: &PromisedProfile| candidate.promise.sigma_dph;
         *found = some.into_iter().filter(does).min_by(|a, b| sigma(a).total_cmp(&sigma(b)));
         if found.is_some() {
             break;
@@ -207,14 +208,14 @@ fn shortest(
 }
 
 /// The same with shorter soaks, as long as it does.
-fn shortened(request: &PlanRequest, mut best: Candidate) -> Candidate {
+fn shortened(request: &PlanRequest, mut best: PromisedProfile) -> PromisedProfile {
     loop {
-        let shorter = |step: usize| -> Option<Candidate> {
+        let shorter = |step: usize| -> Option<PromisedProfile> {
             let profile = best.profile.shortened(step, SHORTENED_MIN)?;
             let promise = promised(request, &profile)?;
-            (promise.probability >= request.probability).then_some(Candidate { profile, promise })
+            (promise.probability >= request.probability).then_some(PromisedProfile { profile, promise })
         };
-        let all: Vec<Candidate> = (0..best.profile.steps.len()).into_par_iter().filter_map(shorter).collect();
+        let all: Vec<PromisedProfile> = (0..best.profile.steps.len()).into_par_iter().filter_map(shorter).collect();
         let next = all.into_iter().min_by(|a, b| a.promise.sigma_dph.total_cmp(&b.promise.sigma_dph));
         match next {
             Some(next) => best = next,

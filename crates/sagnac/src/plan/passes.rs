@@ -10,7 +10,7 @@
 //!
 //! Fails for a span below 10 °C, which has no passes, and where temperature comes back by less than 10 °C.
 
-use crate::diagnostics::{Leg, Point};
+use crate::diagnostics::{Leg, WindowPoint};
 
 /// Temperatures that are passed lie so far from each other; a turn is a way back by so much, °C.
 pub(super) const BIN_C: f64 = 10.0;
@@ -32,7 +32,7 @@ impl Passes {
     }
 
     /// Of the temperature that was passed least often; `None` for a span that has no passes.
-    pub(super) fn least(points: &[Point], [lo, hi]: [f64; 2]) -> Option<Self> {
+    pub(super) fn least(points: &[WindowPoint], [lo, hi]: [f64; 2]) -> Option<Self> {
         let centres = (0..)
             .map(|step| lo + BIN_C * (f64::from(step) + 0.5))
             .take_while(|centre_c| *centre_c <= hi - BIN_C / 2.0 + 1e-9);
@@ -61,9 +61,9 @@ impl Passes {
 }
 
 /// The sweep that each window is in.
-pub(super) fn sweeps(points: &[Point]) -> Vec<u32> {
+pub(super) fn sweeps(points: &[WindowPoint]) -> Vec<u32> {
     let (mut sweep, mut is_up, mut extreme_c, mut run) = (0, None, f64::NAN, None);
-    let mut of = |point: &Point| {
+    let mut of = |point: &WindowPoint| {
         let now_c = point.temperature_c;
         if !is_known(point) {
             return sweep;
@@ -88,7 +88,7 @@ pub(super) fn sweeps(points: &[Point]) -> Vec<u32> {
 }
 
 /// The test rested near one temperature after it was heated and after it was cooled.
-pub(super) fn rested_from_both(points: &[Point]) -> bool {
+pub(super) fn rested_from_both(points: &[WindowPoint]) -> bool {
     let mut rests: std::collections::BTreeMap<i64, [f64; 2]> = std::collections::BTreeMap::new();
     let (mut came, mut run) = (None, None);
     for point in points.iter().filter(|point| is_known(point)) {
@@ -108,12 +108,12 @@ pub(super) fn rested_from_both(points: &[Point]) -> bool {
 }
 
 /// A window of the same run, with at most a quarter of an hour between them.
-fn follows(last: &Point, next: &Point) -> bool {
+fn follows(last: &WindowPoint, next: &WindowPoint) -> bool {
     let apart_h = next.hours - last.hours - (next.length_h + last.length_h) / 2.0;
     next.run == last.run && apart_h < 0.25
 }
 
-fn is_known(point: &Point) -> bool {
+fn is_known(point: &WindowPoint) -> bool {
     point.after_dph.is_finite() && point.temperature_c.is_finite()
 }
 
@@ -121,8 +121,8 @@ fn is_known(point: &Point) -> bool {
 mod tests {
     use super::*;
 
-    fn points(celsius: &[f64]) -> Vec<Point> {
-        let point = |(at, temperature_c): (usize, &f64)| Point {
+    fn points(celsius: &[f64]) -> Vec<WindowPoint> {
+        let point = |(at, temperature_c): (usize, &f64)| WindowPoint {
             run: 0,
             hours: at as f64 * 0.1,
             length_h: 0.1,

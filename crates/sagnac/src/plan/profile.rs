@@ -51,7 +51,7 @@ impl Chamber {
 /// A step of a test: a ramp, then a soak.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
-pub struct Step {
+pub struct ProfileStep {
     /// Temperature at the end of the ramp, °C.
     pub to_c: f64,
     /// Rate of the ramp, °C/min.
@@ -63,7 +63,7 @@ pub struct Step {
 /// The steps of a test.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Profile {
-    pub(super) steps: Vec<Step>,
+    pub(super) steps: Vec<ProfileStep>,
 }
 
 /// Every test of up to so many hours, the shortest first.
@@ -110,14 +110,14 @@ pub(super) fn candidates(
 impl Profile {
     /// Along some temperatures, with so many plateaus on the way to each, each with the same soak.
     fn along(start: f64, route: &[f64], rate_cpm: f64, plateaus: usize, soak_min: f64) -> Self {
-        let mut steps: Vec<Step> = Vec::new();
+        let mut steps: Vec<ProfileStep> = Vec::new();
         let mut from = start;
         for to in route {
             let parts = plateaus + 1;
             for part in 1..=parts {
                 let to_c = (from + (to - from) * part as f64 / parts as f64).round();
                 if to_c != steps.last().map_or(start, |step| step.to_c) {
-                    steps.push(Step { to_c, rate_cpm, soak_min });
+                    steps.push(ProfileStep { to_c, rate_cpm, soak_min });
                 }
             }
             from = *to;

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::diagnostics::{Leg, Point, points, run_spans};
+use crate::diagnostics::{Leg, WindowPoint, points, run_spans};
 use crate::window::Windows;
 
 /// Cells over temperature.
@@ -38,8 +38,8 @@ impl CoverageMap {
     /// Of the used windows; `None` without time, or without temperature.
     pub(super) fn of(windows: &Windows, thermometer: usize) -> Option<Self> {
         let all = points(windows, &run_spans(windows), Some(thermometer), |_| 0.0, |_| 0.0);
-        let known = |p: &&Point| p.excluded.is_none() && p.temperature_c.is_finite() && p.rate_cpm.is_finite();
-        let used: Vec<&Point> = all.iter().filter(known).collect();
+        let known = |p: &&WindowPoint| p.excluded.is_none() && p.temperature_c.is_finite() && p.rate_cpm.is_finite();
+        let used: Vec<&WindowPoint> = all.iter().filter(known).collect();
         let path: Vec<[f64; 2]> = used.iter().map(|p| [p.temperature_c, p.rate_cpm]).collect();
         let lo = path.iter().map(|p| p[0]).reduce(f64::min)?;
         let hi = path.iter().map(|p| p[0]).reduce(f64::max)?;

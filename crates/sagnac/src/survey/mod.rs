@@ -23,7 +23,7 @@ use serde::Serialize;
 
 use crate::calibration::{AxisCalibration, Calibration};
 use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
-use crate::diagnostics::{Leg, Point, points, run_spans};
+use crate::diagnostics::{Leg, WindowPoint, points, run_spans};
 use crate::fit::{FitOptions, Model, READINGS_HOLD, calibrate, readings_do_not_hold};
 use crate::verify::{Correction, Unanswered, unanswered};
 use crate::window::Windows;
@@ -214,7 +214,7 @@ fn noise(windows: &Windows) -> std::result::Result<(), String> {
 }
 
 /// An end of the span that rests on few windows: a short excursion, or a thermometer that was wrong for some minutes.
-fn thin_end(used: &[&Point]) -> Option<String> {
+fn thin_end(used: &[&WindowPoint]) -> Option<String> {
     let known = || used.iter().map(|p| p.temperature_c).filter(|c| c.is_finite());
     let (lo, hi) = (known().reduce(f64::min)?, known().reduce(f64::max)?);
     let third = (hi - lo) / 3.0;
@@ -260,7 +260,7 @@ fn rows_missing(windows: &Windows) -> Option<String> {
 /// What the profile of the test does not hold.
 fn profile(windows: &Windows, main: Option<usize>) -> Vec<String> {
     let all = points(windows, &run_spans(windows), main, |_| 0.0, |_| 0.0);
-    let used: Vec<&Point> = all.iter().filter(|p| p.excluded.is_none()).collect();
+    let used: Vec<&WindowPoint> = all.iter().filter(|p| p.excluded.is_none()).collect();
     let mut out = Vec::new();
     if used.len() < FEW_WINDOWS {
         out.push(format!(

@@ -51,10 +51,10 @@ pub(super) fn thermometers(windows: &Windows) -> Vec<ThermometerSurvey> {
     let one = |(at, name): (usize, &String)| {
         let of =
             |column: &[f64], pick: fn(f64, f64) -> f64| column.iter().copied().filter(|t| t.is_finite()).reduce(pick);
-        let readings = Readings::of(windows, at);
+        let readings = ThermometerReadings::of(windows, at);
         let mut faults: Vec<String> =
             still.iter().filter(|(which, _)| *which == at).map(|(_, what)| what.clone()).collect();
-        faults.extend(readings.iter().filter_map(Readings::frozen));
+        faults.extend(readings.iter().filter_map(ThermometerReadings::frozen));
         ThermometerSurvey {
             name: name.clone(),
             min_c: of(&windows.rows.min_c[at], f64::min),
@@ -69,7 +69,7 @@ pub(super) fn thermometers(windows: &Windows) -> Vec<ThermometerSurvey> {
 }
 
 /// The readings of one thermometer, run by run.
-struct Readings<'a> {
+struct ThermometerReadings<'a> {
     name: &'a str,
     runs: Vec<Vec<f64>>,
     sigma_c: f64,
@@ -77,7 +77,7 @@ struct Readings<'a> {
     step_c: Option<f64>,
 }
 
-impl<'a> Readings<'a> {
+impl<'a> ThermometerReadings<'a> {
     /// `None` without time.
     fn of(windows: &'a Windows, thermometer: usize) -> Option<Self> {
         if !windows.shape.timed {

@@ -21,7 +21,7 @@ pub use limits::source::LimitsSource;
 pub use limits::table::{Applies, Bound, LimitSpec, Limits, SPECS};
 pub use limits::unanswered::{Unanswered, unanswered};
 pub use limits::verdict::{DecisionRule, Judged, Verdict};
-pub use replay::column_of_input::{LogColumn, Readings};
+pub use replay::column_of_input::{InputColumns, LogColumn};
 pub use replay::compensate::{Compensated, CorrectedFormat, compensate, status_text};
 pub use replay::correction::Correction;
 pub use replay::options::VerifyOptions;
@@ -32,7 +32,7 @@ pub use values::diagnostics::{GapSteps, ResidualDiagnostics};
 pub use values::judged_windows::Estimate;
 pub use values::rate_table::{PlateauProof, ScaleFigures, ScaleProof};
 pub use values::repeatability::{BiasRepeatability, RunBias, TurnOns};
-pub use values::residual::{Plateaus, RandomWalk, Residual};
+pub use values::residual::{Plateaus, RandomWalk, RetestResidual};
 pub use values::suspects::Suspect;
 
 use crate::calibration::{LogFile, log_files, program};

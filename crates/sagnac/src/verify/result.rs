@@ -13,7 +13,7 @@ use crate::verify::values::before_after::Figures;
 use crate::verify::values::diagnostics::ResidualDiagnostics;
 use crate::verify::values::rate_table::ScaleProof;
 use crate::verify::values::repeatability::BiasRepeatability;
-use crate::verify::values::residual::Residual;
+use crate::verify::values::residual::RetestResidual;
 use crate::verify::values::suspects::Suspect;
 use crate::window::Windows;
 use sagnac_log::ingest::Tally;
@@ -114,7 +114,7 @@ pub struct AxisVerification {
     #[serde(default)]
     pub turned_about: bool,
     /// What is left, figure by figure.
-    pub residual: Residual,
+    pub residual: RetestResidual,
     /// What a stated flight comes to; null without one, or where the retest does not tell it.
     pub flight: Option<PositionError>,
     /// Why the flight cannot be told, if one was stated.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::window::outliers;
-use crate::window::sums::{Moments, Sums, until_split};
+use crate::window::sums::{Moments, WindowSums, until_split};
 use crate::window::tracks::{Grid, Tracks};
 use crate::window::windows::{Run, RunFile, WindowRows, WindowShape, Windows};
 use sagnac_core::Status;
@@ -57,7 +57,7 @@ pub struct WindowBuilder {
 struct OpenRun {
     start_ns: i64,
     end_ns: i64,
-    open: Option<Sums>,
+    open: Option<WindowSums>,
     tracks: Tracks,
     /// Files that were read to their end.
     files: Vec<RunFile>,
@@ -281,7 +281,7 @@ impl WindowBuilder {
             }
             self.push_short_tau(batch, unrounded, at..end);
             if let Some(run) = self.run.as_mut() {
-                let sums = run.open.get_or_insert_with(|| Sums::new(index, batch.start_ns[at], batch, at));
+                let sums = run.open.get_or_insert_with(|| WindowSums::new(index, batch.start_ns[at], batch, at));
                 sums.add(batch, at..end, &self.weights[at..end]);
                 sums.extremes_c = extremes_c;
                 sums.add_status(status, at..end);

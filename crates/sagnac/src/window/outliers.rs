@@ -134,7 +134,7 @@ fn jumps(windows: &Windows, members: &[usize]) -> Vec<bool> {
 
 fn mark_stretch(windows: &mut Windows, members: &[usize], axis: usize) {
     let levels = Levels::of(windows, axis, members);
-    let series = Series::of(windows, axis, members, &levels);
+    let series = RateSeries::of(windows, axis, members, &levels);
     let scale = robust_scale(&residuals(windows, members, &series));
     let marked = marks_of_steps(&series, (STEP_SIGMAS * scale).max(STEP_OF_RANGE * decile_range(&series.rates)));
     for (member, reason) in members.iter().zip(&marked).filter_map(|(member, mark)| Some((member, (*mark)?))) {
@@ -142,7 +142,7 @@ fn mark_stretch(windows: &mut Windows, members: &[usize], axis: usize) {
     }
     // A bump is judged against the windows that no step took away.
     let left: Vec<usize> = members.iter().zip(&marked).filter(|(_, mark)| mark.is_none()).map(|(i, _)| *i).collect();
-    let series = Series::of(windows, axis, &left, &levels);
+    let series = RateSeries::of(windows, axis, &left, &levels);
     let residuals = residuals(windows, &left, &series);
     let limit = (BUMP_SIGMAS * robust_scale(&residuals)).max(BUMP_OF_RANGE * decile_range(&series.rates));
     for (i, member) in left.iter().enumerate().filter(|(i, _)| residuals[*i].abs() > limit && !series.turns_near(*i)) {
@@ -184,14 +184,14 @@ fn share_of_table(windows: &Windows, axis: usize, members: &[usize]) -> f64 {
 }
 
 /// Rates of some windows at their middles.
-struct Series {
+struct RateSeries {
     times_s: Vec<f64>,
     rates: Vec<f64>,
     /// Mean temperature of the first thermometer; NaN without.
     temperatures_c: Vec<f64>,
 }
 
-impl Series {
+impl RateSeries {
     fn of(windows: &Windows, axis: usize, members: &[usize], levels: &Levels) -> Self {
         let level = |i: &usize| levels.0.get(i).copied().unwrap_or(0.0);
         let share = share_of_table(windows, axis, members);
@@ -278,7 +278,7 @@ impl Series {
 }
 
 /// Each window against its neighbours; a shorter window is noisier and counts for less.
-fn residuals(windows: &Windows, members: &[usize], series: &Series) -> Vec<f64> {
+fn residuals(windows: &Windows, members: &[usize], series: &RateSeries) -> Vec<f64> {
     let trust = |i: usize| (windows.duration_s(i) / windows.shape.nominal_s).min(1.0).sqrt();
     members.iter().enumerate().map(|(at, i)| series.deviation(at) * trust(*i)).collect()
 }
@@ -291,7 +291,7 @@ fn robust_scale(residuals: &[f64]) -> f64 {
 /// What steps make of the windows: a step that is followed by one back is an excursion, and everything between is marked; before
 /// a step near the start of the run the gyro starts up; any other step is a lasting change, of which the window alone is
 /// marked, for none of its sides is the wrong one.
-fn marks_of_steps(series: &Series, limit: f64) -> Vec<Option<Reason>> {
+fn marks_of_steps(series: &RateSeries, limit: f64) -> Vec<Option<Reason>> {
     let n = series.rates.len();
     let mut marks = vec![None; n];
     let mut steps: Vec<(usize, f64)> = Vec::new();
@@ -348,8 +348,8 @@ fn median(mut values: Vec<f64>) -> f64 {
 mod tests {
     use super::*;
 
-    fn series(rates: Vec<f64>) -> Series {
-        Series {
+    fn series(rates: Vec<f64>) -> RateSeries {
+        RateSeries {
             times_s: (0..rates.len()).map(|i| i as f64).collect(),
             temperatures_c: vec![f64::NAN; rates.len()],
             rates,
@@ -403,7 +403,7 @@ mod tests {
         // A sine in windows of unequal length, without any noise.
         let times_s: Vec<f64> = (0..200).map(|i| f64::from(i) + if i % 3 == 0 { 0.45 } else { 0.0 }).collect();
         let rates: Vec<f64> = times_s.iter().map(|t| (t / 9.0).sin()).collect();
-        let sine = Series { times_s, temperatures_c: vec![f64::NAN; rates.len()], rates };
+        let sine = RateSeries { times_s, temperatures_c: vec![f64::NAN; rates.len()], rates };
         assert!(marks_of_steps(&sine, 0.1).iter().all(Option::is_none));
         let worst = (0..200).map(|i| sine.deviation(i).abs()).fold(0.0, f64::max);
         assert!(worst < 0.2, "{worst}");

@@ -17,7 +17,7 @@ const LANES: usize = 4;
 
 /// Sums of the window being filled.
 #[derive(Clone)]
-pub(super) struct Sums {
+pub(super) struct WindowSums {
     pub(super) index: i64,
     pub(super) start_ns: i64,
     pub(super) end_ns: i64,
@@ -104,7 +104,7 @@ impl Moments {
     }
 }
 
-impl Sums {
+impl WindowSums {
     pub(super) fn new(index: i64, start_ns: i64, batch: &Batch, i: usize) -> Self {
         Self {
             index,
@@ -152,7 +152,7 @@ impl Sums {
 
 /// The end of the rows that can join the open window before a temperature has moved too far (the start of
 /// them if not even the first can), and the window's extremes with them.
-pub(super) fn until_split(open: Option<&Sums>, batch: &Batch, rows: Range<usize>) -> (usize, Vec<(f64, f64)>) {
+pub(super) fn until_split(open: Option<&WindowSums>, batch: &Batch, rows: Range<usize>) -> (usize, Vec<(f64, f64)>) {
     let extremes = |until: usize| -> Vec<(f64, f64)> {
         let sensors = batch.temperature_c.iter().enumerate();
         let with = sensors.map(|(sensor, column)| {

@@ -63,12 +63,12 @@ pub(super) struct Tracks {
     start_ns: i64,
     /// Stamp of the newest row, ns.
     newest_ns: i64,
-    columns: Vec<Track>,
+    columns: Vec<InputTrack>,
 }
 
 impl Tracks {
     pub(super) fn new(start_ns: i64, columns: usize) -> Self {
-        Self { start_ns, newest_ns: start_ns, columns: vec![Track::new(); columns] }
+        Self { start_ns, newest_ns: start_ns, columns: vec![InputTrack::new(); columns] }
     }
 
     /// Brings the tracks up to the end of a batch. Only the rows next to a grid point matter.
@@ -116,7 +116,7 @@ impl Tracks {
 
 /// One thermometer or auxiliary column on the grid, °C or the column's unit.
 #[derive(Clone)]
-struct Track {
+struct InputTrack {
     newest: f64,
     newest_ns: i64,
     /// No row came for long since the newest value.
@@ -126,7 +126,7 @@ struct Track {
     values: Vec<f64>,
 }
 
-impl Track {
+impl InputTrack {
     fn new() -> Self {
         Self { newest: f64::NAN, newest_ns: 0, is_gap: false, step: f64::INFINITY, values: Vec::new() }
     }

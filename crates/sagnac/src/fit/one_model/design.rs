@@ -102,9 +102,9 @@ impl<'a> Design<'a> {
     }
 
     /// All rows as a factor, with ∂y/∂τ as last columns if given.
-    pub(crate) fn factor(&self, slopes: &[Vec<f64>]) -> Columns {
+    pub(crate) fn factor(&self, slopes: &[Vec<f64>]) -> FactoredColumns {
         let count = self.problem.levels().len() + self.terms.len() + slopes.len();
-        Columns { factor: self.reducer(&self.problem.run_columns(), slopes).finish(), count }
+        FactoredColumns { factor: self.reducer(&self.problem.run_columns(), slopes).finish(), count }
     }
 
     /// All rows run by run, with what [`Self::factor`] says.
@@ -164,12 +164,12 @@ impl<'a> Design<'a> {
     }
 }
 
-pub(crate) struct Columns {
+pub(crate) struct FactoredColumns {
     pub(crate) factor: Factor,
     pub(crate) count: usize,
 }
 
-impl Columns {
+impl FactoredColumns {
     pub(crate) fn solve_all(&self) -> Option<Solution> {
         self.factor.solve(&(0..self.count).collect::<Vec<_>>())
     }

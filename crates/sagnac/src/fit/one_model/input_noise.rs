@@ -54,8 +54,9 @@ pub(crate) fn correction_noise(
 pub(crate) fn loudest_rate(problem: &LeastSquares<'_>, fitted: &Fitted) -> Option<usize> {
     let noise = |input: &usize| {
         let sources = parts(problem.inputs[*input].signal);
-        let sigma = sources.iter().map(|(source, _)| Track::of(problem, *source).sigma.powi(2)).sum::<f64>().sqrt();
-        let h = sources.first().map_or(1.0, |(source, _)| Track::of(problem, *source).interval_s);
+        let sigma =
+            sources.iter().map(|(source, _)| TrackNoise::of(problem, *source).sigma.powi(2)).sum::<f64>().sqrt();
+        let h = sources.first().map_or(1.0, |(source, _)| TrackNoise::of(problem, *source).interval_s);
         let sensed = Sensed::of(problem, fitted, *input, h);
         sigma * rms(sensed.rate_alpha.iter().copied()) / h.sqrt()
     };
@@ -84,7 +85,7 @@ fn parts(signal: Signal) -> Vec<(Signal, f64)> {
 }
 
 fn of_source(problem: &LeastSquares<'_>, fitted: &Fitted, source: Signal) -> InputNoise {
-    let Track { sigma, interval_s } = Track::of(problem, source);
+    let TrackNoise { sigma, interval_s } = TrackNoise::of(problem, source);
     let mut value = vec![0.0; problem.len()];
     let mut rate = value.clone();
     for (at, input) in problem.inputs.iter().enumerate() {
@@ -143,13 +144,13 @@ fn rms(values: impl ExactSizeIterator<Item = f64>) -> f64 {
 
 /// Noise of a thermometer or column as its track shows it.
 #[derive(Clone, Copy)]
-struct Track {
+struct TrackNoise {
     sigma: f64,
     /// Time after which a reading is a new one, s.
     interval_s: f64,
 }
 
-impl Track {
+impl TrackNoise {
     fn of(problem: &LeastSquares<'_>, source: Signal) -> Self {
         let windows = problem.windows();
         let tracks: Vec<_> = problem.runs.iter().map(|run| source.track(windows, *run)).collect();
@@ -193,7 +194,7 @@ impl Track {
 pub(crate) fn thermometer_noise(windows: &Windows, thermometer: usize) -> (f64, f64) {
     let tracks: Vec<&[f64]> =
         windows.runs.iter().filter_map(|run| run.tracks.get(thermometer)).map(Vec::as_slice).collect();
-    let Track { sigma, interval_s } = Track::of_tracks(&tracks, &windows.shape, true);
+    let TrackNoise { sigma, interval_s } = TrackNoise::of_tracks(&tracks, &windows.shape, true);
     (sigma, interval_s)
 }
 

@@ -35,7 +35,7 @@ pub(crate) struct Blocks {
 }
 
 /// A model with its fixed columns reduced.
-pub(crate) struct Prepared<'a> {
+pub(crate) struct PreparedModel<'a> {
     problem: &'a LeastSquares<'a>,
     terms: Vec<TermColumn>,
     taus_s: &'a [f64],
@@ -77,7 +77,7 @@ impl Blocks {
     }
 }
 
-impl<'a> Prepared<'a> {
+impl<'a> PreparedModel<'a> {
     /// Reduces what does not depend on a lag; `None` for too many rows.
     pub(crate) fn new(
         problem: &'a LeastSquares<'a>,

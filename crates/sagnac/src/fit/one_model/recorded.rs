@@ -1,7 +1,7 @@
 //! A fitted model as the record has it: inputs in the order of the image (the thermometer of the fit, everything else with a
 //! code of its own, the differences, then the repeats for second lags), and terms.
 
-use crate::calibration::{Input, Term};
+use crate::calibration::{CorrectionTerm, Input};
 use crate::fit::one_model::effects::Parts;
 use crate::fit::one_model::solution::Fitted;
 use crate::fit::problem::least_squares::LeastSquares;
@@ -49,7 +49,7 @@ pub(crate) fn recorded_inputs(
 }
 
 /// Terms over those inputs.
-pub(crate) fn terms(fitted: &Fitted, problem: &LeastSquares<'_>, inputs: &[Input]) -> Vec<Term> {
+pub(crate) fn terms(fitted: &Fitted, problem: &LeastSquares<'_>, inputs: &[Input]) -> Vec<CorrectionTerm> {
     let levels = problem.levels().len();
     let vif = |at: usize| fitted.conditioning.as_ref().and_then(|found| *found.vif.get(at)?);
     let of = |(at, column): (usize, &TermColumn)| {
@@ -57,7 +57,7 @@ pub(crate) fn terms(fitted: &Fitted, problem: &LeastSquares<'_>, inputs: &[Input
         let sampled = &problem.inputs[column.input];
         // The thermometer of the fit goes by the name that the record gives it.
         let input = if column.input == 0 { inputs.first().map(|main| main.name.clone()) } else { None };
-        Term {
+        CorrectionTerm {
             acts_on: column.form.acts_on,
             input: input.unwrap_or_else(|| sampled.name.clone()),
             shape: column.form.shape,

@@ -10,25 +10,25 @@ use crate::fit::one_model::design::Design;
 use crate::fit::one_model::solution::{Fitted, values, weighted_rows, whitened_misfit};
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::noise_model::estimate::{
-    Estimate, FEWEST_FOR_NOISE, NoiseFit, SLOPE_STEP, estimate, restricted, t_quantile_975,
+    FEWEST_FOR_NOISE, NoiseEstimate, NoiseFit, SLOPE_STEP, estimate, restricted, t_quantile_975,
 };
 use crate::noise_model::processes::SlowNoise;
 use crate::noise_model::whitening::Whitening;
 
 /// The noise of the residuals.
 #[derive(Clone, Copy)]
-pub(crate) struct ResidualNoise {
-    pub(crate) estimate: Estimate,
+pub(crate) struct FitResidualNoise {
+    pub(crate) estimate: NoiseEstimate,
     /// As the setup states it, or a fit with a prior found it, with the white variance of a nominal window, (°/h)².
     pub(crate) stated: Option<(SlowNoise, f64)>,
     /// The log shows more noise than the setup states.
     pub(crate) exceeds_setup: bool,
 }
 
-impl ResidualNoise {
+impl FitResidualNoise {
     /// A noise that is known, beside a white variance.
     pub(crate) fn known(noise: SlowNoise, white: f64) -> Self {
-        Self { estimate: Estimate::known(noise), stated: Some((noise, white)), exceeds_setup: false }
+        Self { estimate: NoiseEstimate::known(noise), stated: Some((noise, white)), exceeds_setup: false }
     }
 
     /// As the setup states it, unless the log shows more.
@@ -57,16 +57,16 @@ impl ResidualNoise {
 
 /// The slow noise of a model's residuals, by restricted likelihood; white without time, with too few windows, or where the model
 /// explains everything.
-pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> Estimate {
+pub(crate) fn noise_of(problem: &LeastSquares<'_>, fitted: &Fitted) -> NoiseEstimate {
     let rows = problem.len();
     let parameters = problem.levels().len() + fitted.terms.len();
     let scale: f64 = problem.y.iter().map(|y| y * y).sum();
     let square: f64 = fitted.residuals.iter().map(|r| r * r).sum();
     if !problem.has_rate() || rows < FEWEST_FOR_NOISE || rows < 2 * parameters || square < 1e-18 * scale {
-        return Estimate::default();
+        return NoiseEstimate::default();
     }
     let design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
-    let Some(likelihood) = design.likelihood(&[]) else { return Estimate::default() };
+    let Some(likelihood) = design.likelihood(&[]) else { return NoiseEstimate::default() };
     estimate(likelihood.nominal_s, |noise| likelihood.criterion(noise))
 }
 

@@ -11,13 +11,15 @@
 //! ([`super::residual_noise`]).
 
 use crate::calibration::Lag;
-use crate::fit::one_model::design::{Columns, Design, FLAT_CHI_SQUARED, LN_TAU_TOLERANCE, Tau, lag_one, misfit};
-use crate::fit::one_model::prepared::{Blocks, Prepared};
-use crate::fit::one_model::two_lags::{Found, LEAST_RATIO, find_pair};
+use crate::fit::one_model::design::{
+    Design, FLAT_CHI_SQUARED, FactoredColumns, LN_TAU_TOLERANCE, Tau, lag_one, misfit,
+};
+use crate::fit::one_model::prepared::{Blocks, PreparedModel};
+use crate::fit::one_model::two_lags::{LEAST_RATIO, LagPair, find_pair};
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::rows::TermColumn;
 use crate::model::spec::ModelSpec;
-use crate::model::{ActsOn, Shape};
+use crate::model::{ActsOn, TermShape};
 use crate::noise_model::factor::Conditioning;
 use crate::noise_model::minimum::minimum;
 use crate::noise_model::whitening::Whitening;
@@ -185,7 +187,7 @@ pub(crate) fn beside(
 ) -> Option<Beside> {
     let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
     design.whitening = Some(whitening);
-    let Columns { factor, count } = design.factor(&[column.to_vec()]);
+    let FactoredColumns { factor, count } = design.factor(&[column.to_vec()]);
     let others: Vec<usize> = (0..count - 1).collect();
     let made = factor.regress(count - 1, &others)?;
     let misfit = made.ssr.max(OWN_PART * factor.norm_squared(count - 1));
@@ -201,7 +203,7 @@ fn together(terms: &[TermColumn]) -> Vec<usize> {
     let of_curve = |term: &TermColumn| {
         term.input == 0 && !term.form.times_rate && term.form.acts_on == ActsOn::Bias && term.form.shape.joins_series()
     };
-    let zoned = terms.iter().any(|term| matches!(term.form.shape, Shape::Zone { .. }));
+    let zoned = terms.iter().any(|term| matches!(term.form.shape, TermShape::Zone { .. }));
     (0..terms.len()).filter(|at| zoned && of_curve(&terms[*at])).collect()
 }
 
@@ -224,7 +226,7 @@ fn dependent(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Error {
 fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn], taus_s: &[f64]) -> Result<Vec<Tau>> {
     let middle = taus_s.get(taus_s.len() / 2).copied().unwrap_or(1.0);
     let rated = problem.rated(spec);
-    let prepared = Prepared::new(problem, terms, taus_s, Blocks::of_all(problem)).filter(|_| !rated.is_empty());
+    let prepared = PreparedModel::new(problem, terms, taus_s, Blocks::of_all(problem)).filter(|_| !rated.is_empty());
     let misfit = |lags_s: &[(usize, f64)]| match &prepared {
         Some(prepared) => prepared.misfit(lags_s),
         None => misfit(problem, terms, lags_s),
@@ -239,13 +241,13 @@ fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn],
             }
             if is_slow(problem, &taus, at + 1) {
                 match find_pair(problem, terms, &taus, at, taus_s, &misfit) {
-                    Found::Pair(pair) => {
+                    LagPair::Pair(pair) => {
                         for (tau, found) in taus[at..].iter_mut().zip(pair) {
                             (tau.value_s, tau.resolved) = found;
                         }
                     }
-                    Found::NotSeparated => return Err(not_separated(problem, spec, taus[at].input)),
-                    Found::Nothing => return Err(dependent(problem, spec)),
+                    LagPair::NotSeparated => return Err(not_separated(problem, spec, taus[at].input)),
+                    LagPair::Nothing => return Err(dependent(problem, spec)),
                 }
                 continue;
             }
@@ -319,9 +321,9 @@ fn fitted_periods(spec: &ModelSpec, terms: &[TermColumn]) -> Vec<(usize, f64)> {
     let harmonics = spec.inputs().iter().flat_map(|of| &of.harmonics);
     let fitted: Vec<f64> = harmonics.filter(|wave| wave.is_fitted).filter_map(|wave| wave.period).collect();
     let cosine = |(at, term): (usize, &TermColumn)| match term.form.shape {
-        Shape::Cosine { period } if fitted.contains(&period) => Some((at, period)),
-        Shape::Cosine { .. } | Shape::Sine { .. } => None,
-        Shape::Chebyshev { .. } | Shape::Zone { .. } | Shape::Step { .. } => None,
+        TermShape::Cosine { period } if fitted.contains(&period) => Some((at, period)),
+        TermShape::Cosine { .. } | TermShape::Sine { .. } => None,
+        TermShape::Chebyshev { .. } | TermShape::Zone { .. } | TermShape::Step { .. } => None,
     };
     terms.iter().enumerate().filter_map(cosine).collect()
 }
@@ -335,8 +337,8 @@ fn period_columns(design: &Design<'_>, spec: &ModelSpec, theta: &[f64]) -> Vec<V
         let step = STEP_TURNS * period * period / (span.hi - span.lo);
         let wave = |by: f64, row: usize| -> f64 {
             let period = period + by;
-            let shapes = [Shape::Cosine { period }, Shape::Sine { period }];
-            let value = |(at, shape): (usize, Shape)| {
+            let shapes = [TermShape::Cosine { period }, TermShape::Sine { period }];
+            let value = |(at, shape): (usize, TermShape)| {
                 let mut term = design.terms[cosine + at];
                 term.form.shape = shape;
                 theta[problem.levels().len() + cosine + at] * problem.regressor(&term, row, &design.rates)

@@ -55,7 +55,7 @@ pub(crate) fn coarse_pairs(taus_s: &[f64], from: [usize; 2], at: [usize; 2]) -> 
 }
 
 /// The lags of a pair of least misfit.
-pub(crate) enum Found {
+pub(crate) enum LagPair {
     /// Of the fast and the slow lag, each with whether it is resolved.
     Pair([(f64, bool); 2]),
     /// The data do not separate two lags.
@@ -72,13 +72,13 @@ pub(crate) fn find_pair(
     fast: usize,
     taus_s: &[f64],
     misfit_at: &MisfitAt<'_>,
-) -> Found {
+) -> LagPair {
     let search = PairSearch { problem, terms, taus, fast, misfit_at };
     let inputs = [taus[fast].input, taus[fast + 1].input];
     let all = pairs(taus_s, inputs.map(|input| problem.tau_from()[input]));
     let misfits = search.misfits(&all, taus_s);
     let best = (0..all.len()).min_by(|a, b| misfits[*a].total_cmp(&misfits[*b]));
-    let Some(best) = best.filter(|at| misfits[*at].is_finite()) else { return Found::Nothing };
+    let Some(best) = best.filter(|at| misfits[*at].is_finite()) else { return LagPair::Nothing };
     let lowest = all[best].map(|place| taus_s[place]);
     let most = taus_s.last().copied().unwrap_or(f64::INFINITY);
     let (refined, least) = search.newton(lowest, misfits[best], [taus_s[0], most]);
@@ -90,18 +90,18 @@ pub(crate) fn find_pair(
     let step = taus_s.get(1).map_or(1.0, |second| second / taus_s[0]);
     let touches = |pair: [f64; 2]| ratio(pair) < LEAST_RATIO * step;
     if touches(refined) || near.iter().any(|pair| touches(pair.map(|place| taus_s[place]))) {
-        return Found::NotSeparated;
+        return LagPair::NotSeparated;
     }
     let lowest_fast = problem.tau_from()[inputs[0]];
     let is_at_end = |pair: &[usize; 2]| [pair[0] <= lowest_fast, pair[1] + 1 >= taus_s.len()];
     // A slow lag as long as the search goes is a drift in time or a curve.
     if near.iter().any(|pair| is_at_end(pair)[1]) {
-        return Found::NotSeparated;
+        return LagPair::NotSeparated;
     }
     if near.iter().any(|pair| is_at_end(pair)[0]) {
         return search.with_least_fast(&near, &all, &misfits, taus_s);
     }
-    Found::Pair(refined.map(|tau_s| (tau_s, true)))
+    LagPair::Pair(refined.map(|tau_s| (tau_s, true)))
 }
 
 /// The pair at places `fast` and `fast + 1` of `taus`.
@@ -186,17 +186,17 @@ impl PairSearch<'_> {
     }
 
     /// The least fast lag that fits as well as any, and the slow lag of least misfit beside it.
-    fn with_least_fast(&self, near: &[[usize; 2]], all: &[[usize; 2]], misfits: &[f64], taus_s: &[f64]) -> Found {
-        let Some(fast) = near.iter().map(|pair| pair[0]).min() else { return Found::Nothing };
+    fn with_least_fast(&self, near: &[[usize; 2]], all: &[[usize; 2]], misfits: &[f64], taus_s: &[f64]) -> LagPair {
+        let Some(fast) = near.iter().map(|pair| pair[0]).min() else { return LagPair::Nothing };
         let beside = all.iter().zip(misfits).filter(|(pair, _)| pair[0] == fast);
         let best = beside.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(pair, _)| pair[1]);
         match best.filter(|slow| *slow > 0 && slow + 1 < taus_s.len()) {
-            None => Found::NotSeparated,
+            None => LagPair::NotSeparated,
             Some(slow) => {
                 let fast_s = taus_s[fast];
                 let (lo, hi) = (taus_s[slow - 1].max(LEAST_RATIO * fast_s).ln(), taus_s[slow + 1].ln());
                 let misfit = |log: f64| self.misfit([fast_s, log.exp()]);
-                Found::Pair([(fast_s, false), (minimum(lo, hi, LN_TAU_TOLERANCE, misfit).at.exp(), true)])
+                LagPair::Pair([(fast_s, false), (minimum(lo, hi, LN_TAU_TOLERANCE, misfit).at.exp(), true)])
             }
         }
     }

@@ -10,7 +10,7 @@
 //! A coefficient that the test does not show is the fleet's, with the fleet's σ. Rows are weighted by the noise here, not by
 //! their lengths alone: how much of a curve is the unit's and how much the fleet's is a question of noise.
 
-use crate::fit::one_model::design::{Columns, Design, Tau, lag_one};
+use crate::fit::one_model::design::{Design, FactoredColumns, Tau, lag_one};
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::rows::TermColumn;
 use crate::fit::problem::unit_prior::UnitPrior;
@@ -170,7 +170,7 @@ impl Linear {
             let mut of_prior = DMatrix::zeros(q, levels + q + 1);
             of_prior.view_mut((0, levels), (q, q)).fill_with_identity();
             let both = [factor.scaled(variance.sqrt().recip()), Factor::of(of_prior)];
-            let whole = Columns { factor: Factor::join(both.iter())?, count: levels + q };
+            let whole = FactoredColumns { factor: Factor::join(both.iter())?, count: levels + q };
             let solution = whole.solve_all()?;
             let covariance = solution.inverse_normal()?;
             Some((solution.theta, covariance))
@@ -208,7 +208,7 @@ impl Linear {
         let mut of_prior = DMatrix::zeros(q, levels + q + 2);
         of_prior.view_mut((0, levels), (q, q)).fill_with_identity();
         let both = [more.factor(problem, noise).scaled(variance.sqrt().recip()), Factor::of(of_prior)];
-        let whole = Columns { factor: Factor::join(both.iter())?, count: levels + q + 1 };
+        let whole = FactoredColumns { factor: Factor::join(both.iter())?, count: levels + q + 1 };
         let solution = whole.solve_all()?;
         let covariance = solution.inverse_normal()?;
         let sigma = covariance[(levels + q, levels + q)].sqrt();

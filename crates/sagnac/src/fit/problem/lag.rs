@@ -20,7 +20,7 @@ pub(crate) const RATE_COLUMNS: usize = MAX_RATE_ORDER as usize + 1;
 pub(crate) type Stretches = Vec<(f64, u32)>;
 
 /// One run's temperatures on the grid.
-pub(crate) enum Track<'a> {
+pub(crate) enum LagTrack<'a> {
     /// Point by point.
     Points(Cow<'a, [f64]>),
     /// Stretch by stretch, where there are far fewer of these.
@@ -45,7 +45,7 @@ pub(crate) fn stretches(temperatures_c: &[f64]) -> Option<Stretches> {
     Some(levels)
 }
 
-impl Track<'_> {
+impl LagTrack<'_> {
     /// A temperature and its points.
     #[inline]
     fn get(&self, at: usize) -> Option<(f64, u32)> {
@@ -58,7 +58,7 @@ impl Track<'_> {
 
 /// The lag on one run's track.
 pub(crate) struct LagRate<'a> {
-    pub(crate) track: Track<'a>,
+    pub(crate) track: LagTrack<'a>,
     pub(crate) span: Span,
     pub(crate) period_s: f64,
     pub(crate) tau_s: f64,
@@ -185,7 +185,7 @@ mod tests {
     use super::*;
 
     fn ramp(track: &[f64], span: Span, tau_s: f64) -> LagRate<'_> {
-        LagRate { track: Track::Points(Cow::Borrowed(track)), span, period_s: 1.0, tau_s }
+        LagRate { track: LagTrack::Points(Cow::Borrowed(track)), span, period_s: 1.0, tau_s }
     }
 
     /// A stretch of one temperature gives what its points give one by one.
@@ -200,7 +200,7 @@ mod tests {
             (0..130).map(|w| (f64::from(w) * 23.3 + 0.4, f64::from(w) * 23.3 + 22.9)).collect();
         for tau_s in [0.3, 7.0, 400.0] {
             let span = Span { lo: 0.0, hi: 11.0 };
-            let of_stretches = LagRate { track: Track::Stretches(&found), span, period_s: 1.0, tau_s };
+            let of_stretches = LagRate { track: LagTrack::Stretches(&found), span, period_s: 1.0, tau_s };
             let (a, b) = (of_stretches.means(&windows), ramp(&celsius, span, tau_s).means(&windows));
             let far = a.iter().flatten().zip(b.iter().flatten()).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             assert!(far < 1e-11, "{tau_s}: {far}");

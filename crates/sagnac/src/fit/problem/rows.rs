@@ -20,7 +20,7 @@
 
 use crate::fit::problem::axis::Axis;
 use crate::fit::problem::exclusions::{check_moves, check_span, no_window};
-use crate::fit::problem::lag::{LagRate, Stretches, Track, stretches};
+use crate::fit::problem::lag::{LagRate, LagTrack, Stretches, stretches};
 use crate::fit::problem::levels::Level;
 use crate::fit::problem::rate_columns::{KnownRates, RateRows};
 use crate::fit::progress::Progress;
@@ -251,8 +251,8 @@ impl<'a> AxisRows<'a> {
         let SampledInput { signal, span, .. } = &self.inputs[input];
         let made = || self.runs.iter().map(|run| stretches(&signal.track(self.windows, *run))).collect();
         let track = match &self.tracks[self.source(input)].get_or_init(made)[run] {
-            Some(kept) => Track::Stretches(kept),
-            None => Track::Points(signal.track(self.windows, self.runs[run])),
+            Some(kept) => LagTrack::Stretches(kept),
+            None => LagTrack::Points(signal.track(self.windows, self.runs[run])),
         };
         LagRate { track, span: *span, period_s: self.period_s(), tau_s }
     }

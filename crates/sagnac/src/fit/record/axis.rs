@@ -1,13 +1,15 @@
 //! The record of the fit of one axis.
 
 use crate::calibration::{
-    AxisCalibration, AxisCorrection, Collinearity, CorrectionNoise, FitDiagnostics, Hysteresis, LogUnit, PriorUse,
-    Residual, RunOffset, Target, TimeEffect, TimeEffectKind,
+    AxisCalibration, AxisCorrection, Collinearity, CorrectionNoise, FitDiagnostics, FitResidual, Hysteresis, LogUnit,
+    PriorUse, RunOffset, Target, TimeEffect, TimeEffectKind,
 };
-use crate::diagnostics::{AxisReportData, Point, hysteresis_of, offsets_hide_drift, points, ramp_rates_cpm, run_spans};
+use crate::diagnostics::{
+    AxisReportData, WindowPoint, hysteresis_of, offsets_hide_drift, points, ramp_rates_cpm, run_spans,
+};
 use crate::fit::one_model::effects::Parts;
 use crate::fit::one_model::recorded::{recorded_inputs, terms};
-use crate::fit::one_model::residual_noise::ResidualNoise;
+use crate::fit::one_model::residual_noise::FitResidualNoise;
 use crate::fit::one_model::solution::Fitted;
 use crate::fit::one_model::warm_up::estimate;
 use crate::fit::options::{FitOptions, Model};
@@ -30,7 +32,7 @@ use crate::fit::uncertainty::soak::{Extension, soak};
 use crate::fit::uncertainty::whole_noise::whole_noise;
 use crate::image::Holder;
 use crate::model::input::Signal;
-use crate::noise_model::estimate::Estimate;
+use crate::noise_model::estimate::NoiseEstimate;
 use crate::noise_model::processes::SlowNoise;
 use crate::noise_model::stated::{noise_floor_of, stated_noise};
 use crate::rate_table::input::RateTableInput;
@@ -88,7 +90,7 @@ pub(crate) fn fit_axis(
     let one = one_fit(&axis_of, main, image, &options.model, raw_n, stated)?;
     let OneFit { selected, fitted, noise, .. } = &one;
     let problem = &selected.problem;
-    let Estimate { best, mixed } = noise.estimate;
+    let NoiseEstimate { best, mixed } = noise.estimate;
     let white_variance = |slow| noise.white_variance(problem, fitted, slow);
     let parts = Parts::new(fitted, problem);
     let inputs = recorded_inputs(fitted, Some(&parts), problem, windows, setup, sensor);
@@ -143,7 +145,7 @@ pub(crate) fn fit_axis(
 }
 
 /// With what its windows show next to the fit: heating against cooling, ramps, and a drift that the offsets of the runs hide.
-fn with_profile(record: AxisCalibration, points: &[Point]) -> AxisCalibration {
+fn with_profile(record: AxisCalibration, points: &[WindowPoint]) -> AxisCalibration {
     let offsets: Vec<f64> = record.run_offsets.iter().map(|offset| offset.value_dph).collect();
     let fit = record.fit.map(|fit| FitDiagnostics {
         hysteresis: hysteresis(points, &fit.residual),
@@ -188,7 +190,7 @@ fn with_uncertainty(
 struct OneFit<'a> {
     selected: Selected<'a>,
     fitted: Fitted,
-    noise: ResidualNoise,
+    noise: FitResidualNoise,
     correction_noise: CorrectionNoise,
     prior: Option<PriorUse>,
 }
@@ -207,7 +209,7 @@ fn one_fit<'a>(
         let WithPrior { fitted, noise, white_variance, used } =
             fit_with_prior(&selected.problem, &selected.spec, prior, stated)?;
         let correction_noise = selected.check(&fitted, raw_n_deg_rt_h)?;
-        let noise = ResidualNoise::known(noise, white_variance);
+        let noise = FitResidualNoise::known(noise, white_variance);
         return Ok(OneFit { selected, fitted, noise, correction_noise, prior: Some(used) });
     }
     let mut selected = match model {
@@ -215,7 +217,7 @@ fn one_fit<'a>(
         Model::Auto => auto(axis, main, image)?,
     };
     let (fitted, correction_noise) = selected.settle(raw_n_deg_rt_h)?;
-    let noise = ResidualNoise::of(&selected.problem, &fitted, stated);
+    let noise = FitResidualNoise::of(&selected.problem, &fitted, stated);
     let fitted = noise.beneath(&selected.problem, fitted);
     Ok(OneFit { selected, fitted, noise, correction_noise, prior: None })
 }
@@ -229,7 +231,7 @@ fn scatter(values: &[f64]) -> f64 {
 
 /// Hysteresis before and after the fit; the standard error of both is that of the residuals, widened by their
 /// correlation.
-fn hysteresis(points: &[Point], residual: &Residual) -> Option<Hysteresis> {
+fn hysteresis(points: &[WindowPoint], residual: &FitResidual) -> Option<Hysteresis> {
     let rho = residual.lag1_autocorrelation;
     let sigma_dph = residual.sigma_dph * ((1.0 + rho) / (1.0 - rho)).sqrt();
     let before = hysteresis_of(points, LEAST_OF_LEG, |p| p.before_dph)?;
@@ -286,10 +288,10 @@ fn time_effects(fitted: &Fitted, problem: &LeastSquares<'_>, corrects_warm_up: b
     problem.levels().iter().enumerate().filter_map(of).collect()
 }
 
-fn residual(fitted: &Fitted) -> Residual {
+fn residual(fitted: &Fitted) -> FitResidual {
     let (lo, hi) =
         fitted.residuals.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), r| (r.min(lo), r.max(hi)));
-    Residual {
+    FitResidual {
         n: fitted.residuals.len(),
         sigma_dph: fitted.sigma_dph,
         peak_to_peak_dph: hi - lo,

@@ -1,7 +1,7 @@
 //! What a report draws of a fit: its windows before and after, and the effect of each input.
 
 use crate::calibration::AxisCalibration;
-use crate::diagnostics::{Effect, Point, points, run_spans};
+use crate::diagnostics::{Effect, WindowPoint, points, run_spans};
 use crate::fit::one_model::effects::Parts;
 use crate::fit::one_model::solution::Fitted;
 use crate::fit::problem::least_squares::LeastSquares;
@@ -45,7 +45,13 @@ impl Drawn {
     }
 
     /// Every window of the axis, before less its run offset, after where the fit used it.
-    pub(crate) fn points(&self, record: &AxisCalibration, windows: &Windows, axis: usize, sensor: usize) -> Vec<Point> {
+    pub(crate) fn points(
+        &self,
+        record: &AxisCalibration,
+        windows: &Windows,
+        axis: usize,
+        sensor: usize,
+    ) -> Vec<WindowPoint> {
         let constant = |i: usize| {
             let run = windows.rows.run[i];
             record.run_offsets.iter().find(|offset| offset.run == run).map_or(f64::NAN, |offset| offset.value_dph)
@@ -58,7 +64,7 @@ impl Drawn {
         };
         let after = |i: usize| shown(i).map_or(f64::NAN, |shown| shown.after);
         let points = points(windows, &run_spans(windows), Some(sensor), before, after).into_iter().enumerate();
-        let inputs = |i: usize, point: &Point| shown(i).map_or(point.inputs_dph, |shown| shown.inputs);
-        points.map(|(i, point)| Point { inputs_dph: inputs(i, &point), ..point }).collect()
+        let inputs = |i: usize, point: &WindowPoint| shown(i).map_or(point.inputs_dph, |shown| shown.inputs);
+        points.map(|(i, point)| WindowPoint { inputs_dph: inputs(i, &point), ..point }).collect()
     }
 }

@@ -1,6 +1,6 @@
 //! The scale factor and the misalignment of the record, from runs on a rate table.
 
-use crate::calibration::{Misalignment, PpmEstimate, ScaleFactor, Term};
+use crate::calibration::{CorrectionTerm, Misalignment, PpmEstimate, ScaleFactor};
 use crate::fit::one_model::solution::Fitted;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::levels::Level;
@@ -17,8 +17,9 @@ const SCALE_SIGMA_MAX_PPM: f64 = 1000.0;
 const ARCSEC_PER_RAD: f64 = 180.0 / std::f64::consts::PI * 3600.0;
 
 /// Refuses a scale term that the input rates do not determine.
-pub(crate) fn check_scale(terms: &[Term], letter: char) -> Result<()> {
-    let vague = |t: &&Term| t.acts_on == ActsOn::ScaleFactor && t.sigma.is_some_and(|s| s > SCALE_SIGMA_MAX_PPM);
+pub(crate) fn check_scale(terms: &[CorrectionTerm], letter: char) -> Result<()> {
+    let vague =
+        |t: &&CorrectionTerm| t.acts_on == ActsOn::ScaleFactor && t.sigma.is_some_and(|s| s > SCALE_SIGMA_MAX_PPM);
     terms.iter().find(vague).map_or(Ok(()), |vague| {
         Err(Error::refused(format!(
             "a scale-factor term of axis {letter} would be {:.0} ± {:.0} ppm: the runs' input rates do not separate it from bias",

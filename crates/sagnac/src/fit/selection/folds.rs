@@ -8,7 +8,7 @@
 //! other blocks, candidates are subsets of columns. A model of several inputs has its own factor per block and set of
 //! τ ([`Trial`]). Several lags are optimised in turn, two of one input together, in each fold from the optimum of the whole problem.
 
-use crate::fit::one_model::prepared::{Blocks, Prepared};
+use crate::fit::one_model::prepared::{Blocks, PreparedModel};
 use crate::fit::one_model::reduce::{InBlocks, Weighting, reduce};
 use crate::fit::one_model::two_lags::coarse_pairs;
 use crate::fit::problem::lag::RATE_COLUMNS;
@@ -64,7 +64,7 @@ impl Division {
         (0..self.levels()).partition(trained)
     }
 
-    /// The same for [`Prepared`].
+    /// The same for [`PreparedModel`].
     fn split(&self) -> Blocks {
         let rows_of = |block: usize| {
             self.block.partition_point(|other| *other < block)..self.block.partition_point(|other| *other <= block)
@@ -211,7 +211,7 @@ pub(crate) struct Trial<'a> {
     rated: Vec<usize>,
     taus_s: &'a [f64],
     /// What does not depend on the lags, where there are few enough rows.
-    prepared: Option<Prepared<'a>>,
+    prepared: Option<PreparedModel<'a>>,
     /// Per step term and block: lowest and highest value of its column.
     steps: BTreeMap<usize, Vec<(f64, f64)>>,
     /// Factors of the blocks by the places of the lags in the grid.
@@ -222,7 +222,7 @@ impl<'a> Trial<'a> {
     pub(crate) fn new(problem: &'a LeastSquares<'a>, spec: &ModelSpec, taus_s: &'a [f64]) -> Self {
         let (terms, rated) = (problem.terms(spec), problem.rated(spec));
         let division = Division::of(problem);
-        let prepared = Prepared::new(problem, &terms, taus_s, division.split());
+        let prepared = PreparedModel::new(problem, &terms, taus_s, division.split());
         let steps = terms.iter().enumerate().filter(|(_, term)| term.form.shape.jump().is_some());
         let steps = steps.map(|(at, term)| (at, extremes_of(problem, &division, term))).collect();
         Self { problem, division, terms, rated, taus_s, prepared, steps, factors: BTreeMap::new() }

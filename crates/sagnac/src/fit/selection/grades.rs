@@ -51,7 +51,7 @@ impl Grades {
 
 /// Whitened rows of the series over one thermometer: shared levels, b₁…b₈, c₀…c₃, e₁… and y, at every τ; what a run has for itself is
 /// projected out.
-pub(crate) struct Series<'a> {
+pub(crate) struct WhitenedSeries<'a> {
     specs: &'a [ModelSpec],
     factors: Vec<Factor>,
     /// Levels in the factors, and those projected out.
@@ -60,7 +60,7 @@ pub(crate) struct Series<'a> {
     rows: f64,
 }
 
-impl<'a> Series<'a> {
+impl<'a> WhitenedSeries<'a> {
     /// Of the models and lags that may be graded; `None` without any.
     pub(crate) fn new(
         problem: &LeastSquares<'_>,
@@ -128,7 +128,7 @@ pub(crate) fn grade(
 ) -> Option<Grades> {
     let columns = problem.run_columns();
     let levels: Vec<usize> = (0..columns.shared.len()).collect();
-    Series::new(problem, whitening, specs, taus_s, &columns)?.grades(&levels)
+    WhitenedSeries::new(problem, whitening, specs, taus_s, &columns)?.grades(&levels)
 }
 
 /// Shared levels, b₁…b₈, c₀…c₃, e₁… and y of all rows, whitened.

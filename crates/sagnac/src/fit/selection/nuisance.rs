@@ -17,7 +17,7 @@ use crate::fit::one_model::residual_noise::noise_of;
 use crate::fit::one_model::solution::fit;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::levels::Level;
-use crate::fit::selection::grades::{Grades, Series};
+use crate::fit::selection::grades::{Grades, WhitenedSeries};
 use crate::fit::selection::prices::{TIME_DECISIVE, TIME_EXPLAINED_MAX, price};
 use crate::model::spec::ModelSpec;
 use crate::noise_model::processes::SlowNoise;
@@ -81,7 +81,7 @@ fn separate(
     let with = problem.with_further(tried);
     // The columns in question stay in the factor; offsets of runs, which are in every model, are projected out.
     let columns = with.run_columns_of(|level| matches!(level, Level::Run(_)));
-    let series = Series::new(&with, whitening, specs, &taus_s[..1.min(taus_s.len())], &columns)?;
+    let series = WhitenedSeries::new(&with, whitening, specs, &taus_s[..1.min(taus_s.len())], &columns)?;
     let place = |column: usize| columns.shared.iter().position(|shared| *shared == column);
     let known: Vec<usize> = (0..own).filter_map(place).collect();
     let is_separate = |column: &usize| {
@@ -108,7 +108,7 @@ fn graded_sets(
     let tried = problem.levels().len() + always.len();
     let with = problem.with_further(&[always, &of_sets].concat());
     let columns = with.run_columns();
-    let series = Series::new(&with, whitening, specs, taus_s, &columns)?;
+    let series = WhitenedSeries::new(&with, whitening, specs, taus_s, &columns)?;
     let place = |level: &Level| columns.shared.iter().position(|shared| with.levels()[*shared] == *level);
     let graded = |set: &Vec<Level>| {
         let before = with.levels()[..tried].iter().chain(set).filter_map(place).collect::<Vec<_>>();

@@ -12,7 +12,7 @@
 //! the whole curve is the work of something else: its largest distance from zero bounds what is added.
 
 use crate::calibration::{CurveSpread, Entanglement, MovedTogether};
-use crate::diagnostics::Point;
+use crate::diagnostics::WindowPoint;
 use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
 use crate::fit::one_model::solution::{Fitted, beside};
 use crate::fit::problem::curve_points::{POINTS, temperature};
@@ -30,7 +30,7 @@ pub(crate) fn entangled(
     problem: &LeastSquares<'_>,
     noise: (SlowNoise, f64),
     fitted: &Fitted,
-    points: &[Point],
+    points: &[WindowPoint],
 ) -> Vec<Entanglement> {
     let has_rate = problem.rated(&fitted.spec).contains(&0);
     let has_time = problem.levels().iter().any(|level| matches!(level, Level::Drift(_)));

@@ -24,7 +24,7 @@ use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::rows::TermColumn;
 use crate::fit::selection::prices::{CONTRADICTED_BY, RISE_PRICE, WEIGHT_PRICE, ZONES};
 use crate::fit::uncertainty::curve_spread::Rival;
-use crate::model::Shape;
+use crate::model::TermShape;
 use crate::model::input::knots;
 use crate::model::spec::ModelSpec;
 use crate::noise_model::factor::{Factor, Solution};
@@ -89,7 +89,7 @@ pub(crate) fn beside_series(
     of_rows: OfRows<'_>,
     curve: &impl Fn(f64) -> (f64, f64),
 ) -> Vec<Rival> {
-    let (all, variance) = (Columns::new(problem, fitted, of_rows), of_rows.variance);
+    let (all, variance) = (RivalColumns::new(problem, fitted, of_rows), of_rows.variance);
     let values = (0..POINTS).map(|point| curve(temperature(problem, point)).0);
     let (lowest, highest) = values.fold((0.0_f64, 0.0_f64), |(lo, hi), value| (lo.min(value), hi.max(value)));
     let ladder = ladder((highest - lowest).powi(2) / variance, problem.len() as f64 / SEGMENTS as f64);
@@ -113,7 +113,7 @@ fn ladder(largest: f64, rows_of_a_segment: f64) -> Vec<f64> {
 /// A function of the input that a column is made of.
 #[derive(Clone, Copy)]
 enum Function {
-    Shape(Shape),
+    Shape(TermShape),
     /// max(0, x − ξ), ξ the lower end of a segment.
     Bend(usize),
 }
@@ -143,7 +143,7 @@ fn bend(x: f64, segment: usize) -> f64 {
 }
 
 /// All whitened rows as one factor: levels and the terms of the fit that are no curve at rest, then the functions.
-struct Columns<'a> {
+struct RivalColumns<'a> {
     problem: &'a LeastSquares<'a>,
     /// Of the fit, without its curve at rest.
     spec: ModelSpec,
@@ -157,19 +157,19 @@ struct Columns<'a> {
     variance: f64,
 }
 
-impl<'a> Columns<'a> {
+impl<'a> RivalColumns<'a> {
     fn new(problem: &'a LeastSquares<'a>, fitted: &Fitted, of_rows: OfRows<'_>) -> Self {
         let mut spec = fitted.spec.clone();
         (spec.thermometer_mut().bias, spec.thermometer_mut().zones) = (0, 0);
         let terms = problem.terms(&spec);
         let lags: Vec<(usize, f64)> = fitted.taus.iter().map(|tau| (tau.input, tau.value_s)).collect();
         let mut functions: Vec<Function> =
-            (1..=ORDERS as u8).map(|order| Function::Shape(Shape::Chebyshev { order })).collect();
+            (1..=ORDERS as u8).map(|order| Function::Shape(TermShape::Chebyshev { order })).collect();
         let mut zones = Vec::new();
         for count in ZONES {
             let first = functions.len();
             let knots = knots(count, problem.span());
-            functions.extend(knots.into_iter().map(|knot| Function::Shape(Shape::Zone { knot })));
+            functions.extend(knots.into_iter().map(|knot| Function::Shape(TermShape::Zone { knot })));
             zones.push(first..functions.len());
         }
         functions.extend((0..SEGMENTS).map(Function::Bend));
@@ -315,7 +315,7 @@ mod tests {
         let fitted = fit(&problem, &"bias 1".parse().unwrap(), &problem.tau_grid()).unwrap();
         let whitening = Whitening::new(problem.noise_rows(), SlowNoise::default());
         let variance = 1e-4;
-        let all = Columns::new(&problem, &fitted, OfRows { whitening: &whitening, variance, taus: 1 });
+        let all = RivalColumns::new(&problem, &fitted, OfRows { whitening: &whitening, variance, taus: 1 });
         let x = &problem.inputs[0].x;
         let ramp = |x: f64, segment: usize| ((x + 1.0) / WIDTH - segment as f64).clamp(0.0, 1.0);
         for lambda in [1e-3, 1.0, 1e3] {

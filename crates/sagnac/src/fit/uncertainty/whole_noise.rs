@@ -12,7 +12,7 @@
 //! soaks, whose setup states neither B nor K, has no such measure; neither has a test on a rate table.
 
 use crate::calibration::WholeNoise;
-use crate::diagnostics::{Leg, Point};
+use crate::diagnostics::{Leg, WindowPoint};
 use crate::fit::one_model::solution::{Fitted, values};
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::noise_model::blocks::{RowNoise, noise_of_blocks};
@@ -33,7 +33,7 @@ const Z: f64 = 1.25;
 pub(crate) fn whole_noise(
     problem: &LeastSquares<'_>,
     fitted: &Fitted,
-    profile: &[Point],
+    profile: &[WindowPoint],
     stated: Option<(SlowNoise, f64)>,
 ) -> Option<WholeNoise> {
     if problem.turning.is_some() {
@@ -49,7 +49,7 @@ pub(crate) fn whole_noise(
 }
 
 /// Every soak with its own level and the terms of the model.
-fn soaks(problem: &LeastSquares<'_>, fitted: &Fitted, profile: &[Point]) -> Vec<Block> {
+fn soaks(problem: &LeastSquares<'_>, fitted: &Fitted, profile: &[WindowPoint]) -> Vec<Block> {
     let is_steady = |row: &usize| {
         let point = &profile[problem.used[*row]];
         point.leg() == Leg::Steady && point.temperature_c.is_finite() && point.rate_cpm.is_finite()

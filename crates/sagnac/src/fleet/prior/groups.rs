@@ -92,7 +92,7 @@ pub(super) fn refuse(members: &[Member<'_>]) -> Result<()> {
 }
 
 /// Axes with their lots where the mean test has unit covariance.
-fn whitened<'a>(members: &[Member<'a>]) -> Option<Vec<Point<'a>>> {
+fn whitened<'a>(members: &[Member<'a>]) -> Option<Vec<AxisPoint<'a>>> {
     let p = members.first()?.basis.coefficients.len();
     let mut sorted: Vec<&Member<'a>> = members.iter().collect();
     sorted.sort_by_key(|member| (&member.unit.unit, &member.axis.axis));
@@ -114,10 +114,10 @@ fn whitened<'a>(members: &[Member<'a>]) -> Option<Vec<Point<'a>>> {
 }
 
 /// Lot and unit of an axis, and its coefficients.
-type Point<'a> = ((&'a str, &'a str), DVector<f64>);
+type AxisPoint<'a> = ((&'a str, &'a str), DVector<f64>);
 
 /// Near pairs that chance makes of normal populations: each lot's own, where it has axes enough to tell its scatter, else that within all lots.
-fn near_by_chance(points: &[Point<'_>], near: f64) -> Option<f64> {
+fn near_by_chance(points: &[AxisPoint<'_>], near: f64) -> Option<f64> {
     let p = points.first()?.1.len();
     let mut lots: BTreeMap<&str, Vec<&DVector<f64>>> = BTreeMap::new();
     points.iter().for_each(|((lot, _), point)| lots.entry(*lot).or_default().push(point));
@@ -150,7 +150,7 @@ fn scatter_about_means(groups: &[&Vec<&DVector<f64>>], p: usize) -> Option<DMatr
 }
 
 /// d² of all pairs of different units of one lot.
-fn squares(points: &[Point<'_>]) -> Vec<f64> {
+fn squares(points: &[AxisPoint<'_>]) -> Vec<f64> {
     let mut out = Vec::new();
     for (at, ((lot, unit), point)) in points.iter().enumerate() {
         let others = points[at + 1..].iter().filter(|((other, name), _)| other == lot && name != unit);

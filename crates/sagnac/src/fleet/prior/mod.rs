@@ -107,7 +107,7 @@ pub struct Prior {
     /// The logs behind it: the first 16 hexadecimal digits of their SHA-256.
     pub logs: BTreeSet<String>,
     /// What it was made of: sums, by lot.
-    pub sums: BTreeMap<String, Sums>,
+    pub sums: BTreeMap<String, LotSums>,
     /// SHA-256 of all the rest as compact JSON, hex: set where a file is written.
     pub content_sha256: String,
 }
@@ -155,7 +155,7 @@ pub struct NotUsed {
 /// Sums over the axes of a lot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
-pub struct Sums {
+pub struct LotSums {
     /// Axes.
     pub axes: u64,
     /// Σβ̂.
@@ -171,7 +171,7 @@ pub struct Sums {
 }
 
 /// What the axes of a prior have in common.
-struct Head {
+struct PriorHead {
     model: String,
     terms: Vec<String>,
     units: Vec<String>,
@@ -263,9 +263,13 @@ impl Prior {
         for member in &members {
             by_lot.entry(member.unit.lot.clone()).or_default().push(member);
         }
-        let sums = by_lot.into_iter().map(|(lot, of)| (lot, Sums::of(&of))).collect();
+        let sums = by_lot.into_iter().map(|(lot, of)| (lot, LotSums::of(&of))).collect();
         not_used.retain(|part| part.axes > 0);
-        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs }, not_used, sums)
+        Self::of_sums(
+            PriorHead { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs },
+            not_used,
+            sums,
+        )
     }
 
     /// Two priors as one: as if it had been learned from the fleets of both, each without its own odd units.
@@ -306,13 +310,17 @@ impl Prior {
         // Of two fleets the one whose tests say more: their records' lags differ by less than they can tell.
         let fixed_lag_s = self.fixed_lag_s.into_iter().chain(other.fixed_lag_s).reduce(f64::max);
         let Self { model, terms, units, .. } = self;
-        Self::of_sums(Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs }, not_used, sums)
+        Self::of_sums(
+            PriorHead { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs },
+            not_used,
+            sums,
+        )
     }
 
-    fn of_sums(head: Head, mut not_used: Vec<NotUsed>, sums: BTreeMap<String, Sums>) -> Result<Self> {
-        let Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs } = head;
+    fn of_sums(head: PriorHead, mut not_used: Vec<NotUsed>, sums: BTreeMap<String, LotSums>) -> Result<Self> {
+        let PriorHead { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs } = head;
         not_used.sort();
-        let mut all = Sums::empty(terms.len());
+        let mut all = LotSums::empty(terms.len());
         sums.values().for_each(|lot| all.merge(lot));
         let least = LEAST_AXES.max(LEAST_PER_TERM * terms.len() as u64) + sums.len() as u64;
         if all.axes < least {
@@ -329,11 +337,11 @@ impl Prior {
                 format!("{}; calibrate the fleet with one --model", reasons.join("; "))
             }));
         }
-        let mean = |sums: &Sums| sums.value.iter().map(|sum| sum.value() / sums.axes as f64).collect::<Vec<f64>>();
+        let mean = |sums: &LotSums| sums.value.iter().map(|sum| sum.value() / sums.axes as f64).collect::<Vec<f64>>();
         let lots: Vec<LotMean> =
             sums.iter().map(|(lot, sums)| LotMean { lot: lot.clone(), axes: sums.axes, mean: mean(sums) }).collect();
         let whole = std::iter::once(&all).collect::<Vec<_>>();
-        let each: Vec<&Sums> = sums.values().collect();
+        let each: Vec<&LotSums> = sums.values().collect();
         let fleet = Population::of(&all, mean(&all), &whole)?;
         let within_lots = (each.len() > 1).then(|| Population::of(&all, mean(&all), &each)).transpose()?;
         let [ln, ln_square] = [4, 5].map(|at| all.noise[at].value() / all.axes as f64);
@@ -368,7 +376,7 @@ impl Prior {
 
 impl Population {
     /// Axes about the means of the groups that they are in.
-    fn of(all: &Sums, mean: Vec<f64>, groups: &[&Sums]) -> Result<Self> {
+    fn of(all: &LotSums, mean: Vec<f64>, groups: &[&LotSums]) -> Result<Self> {
         let (p, n) = (mean.len(), all.axes as f64);
         let scatter = scatter_about_means(groups, p);
         let of_tests = symmetric(&values(&all.covariance), p) / n;
@@ -396,7 +404,7 @@ impl Population {
 }
 
 /// Covariance of axes about the means of their groups.
-fn scatter_about_means(groups: &[&Sums], p: usize) -> DMatrix<f64> {
+fn scatter_about_means(groups: &[&LotSums], p: usize) -> DMatrix<f64> {
     let mut scatter = DMatrix::zeros(p, p);
     let mut degrees = 0.0;
     for group in groups {
@@ -427,7 +435,7 @@ fn beyond(scatter: &DMatrix<f64>, covariance: &DMatrix<f64>) -> Option<(DMatrix<
     back.iter().all(|value| value.is_finite()).then_some((back, directions))
 }
 
-impl Sums {
+impl LotSums {
     fn empty(terms: usize) -> Self {
         let zeros = |n: usize| vec![ExactSum::default(); n];
         let triangle = terms * (terms + 1) / 2;

@@ -17,7 +17,7 @@ use std::path::Path;
 use super::read::MOST_BYTES;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::{LEAST_OF_LOT, LotMean, Population, Prior, Sums, scatter_about_means};
+use super::{LEAST_OF_LOT, LotMean, LotSums, Population, Prior, scatter_about_means};
 use crate::fit::{ResidualOfFleet, UnitPrior};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{hex, sha256};
@@ -109,7 +109,8 @@ impl Prior {
     fn refuse_wide(&self, lot: &LotMean) -> Result<()> {
         let (p, lots) = (self.terms.len(), self.sums.len());
         let (Some(sums), true) = (self.sums.get(&lot.lot), lots > 1) else { return Ok(()) };
-        let others: Vec<&Sums> = self.sums.iter().filter(|(name, _)| **name != lot.lot).map(|(_, sums)| sums).collect();
+        let others: Vec<&LotSums> =
+            self.sums.iter().filter(|(name, _)| **name != lot.lot).map(|(_, sums)| sums).collect();
         let of_others = others.iter().map(|sums| sums.axes).sum::<u64>();
         if of_others < others.len() as u64 + LEAST_OF_LOT as u64 {
             return Ok(());

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{FORMAT, Head, NOISES, Prior, Sums, VERSION};
+use super::{FORMAT, LotSums, NOISES, Prior, PriorHead, VERSION};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{hex, sha256};
 use sagnac_log::read::read_text;
@@ -61,7 +61,7 @@ impl Prior {
         }
         let p = found.terms.len();
         let triangle = p * (p + 1) / 2;
-        let lengths = |sums: &Sums| [&sums.value, &sums.product, &sums.covariance, &sums.noise].map(Vec::len);
+        let lengths = |sums: &LotSums| [&sums.value, &sums.product, &sums.covariance, &sums.noise].map(Vec::len);
         let fits = found.sums.values().all(|sums| lengths(sums) == [p, triangle, triangle, NOISES]);
         if !fits
             || found.units.len() != p
@@ -81,7 +81,7 @@ impl Prior {
         }
         let Self { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs, not_used, sums, .. } =
             found;
-        let head = Head { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs };
+        let head = PriorHead { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs };
         Self::of_sums(head, not_used, sums)
     }
 }

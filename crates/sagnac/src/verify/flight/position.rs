@@ -13,7 +13,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use crate::diagnostics::Point;
+use crate::diagnostics::WindowPoint;
 use crate::model::{Span, chebyshev};
 use crate::verify::flight::strapdown::{Channel, noise_m, positions_m};
 use crate::verify::values::judged_windows::Estimate;
@@ -200,15 +200,15 @@ impl Flight {
     /// Flies it with the drift that the windows of a proof show; `Err` says in words why it cannot be told.
     pub(crate) fn fly(
         &self,
-        points: &[Point],
+        points: &[WindowPoint],
         n_deg_rt_h: Option<f64>,
         bias: std::result::Result<&BiasRepeatability, &str>,
     ) -> std::result::Result<PositionError, String> {
         let bias = bias?.worst().ok_or("no run of the retest has a bias")?;
-        let sound = |p: &&Point| {
+        let sound = |p: &&WindowPoint| {
             p.excluded.is_none() && p.temperature_c.is_finite() && p.rate_cpm.is_finite() && p.after_dph.is_finite()
         };
-        let used: Vec<&Point> = points.iter().filter(sound).collect();
+        let used: Vec<&WindowPoint> = points.iter().filter(sound).collect();
         if used.len() < FEWEST {
             return Err(format!("{} windows with a temperature rate; a flight needs {FEWEST}", used.len()));
         }
@@ -234,14 +234,14 @@ impl Flight {
         let span = Span { lo: extremes.0, hi: extremes.1 };
         let unit = self.unit_positions(span);
         const UNDETERMINED: &str = "the windows do not determine a drift over temperature";
-        let mut before = Drift::of(&used, span, |p| p.before_dph).ok_or(UNDETERMINED)?;
-        let mut after = Drift::of(&used, span, |p| p.after_dph).ok_or(UNDETERMINED)?;
+        let mut before = FlightDrift::of(&used, span, |p| p.before_dph).ok_or(UNDETERMINED)?;
+        let mut after = FlightDrift::of(&used, span, |p| p.after_dph).ok_or(UNDETERMINED)?;
         before.shift(bias.raw_difference_dph, bias.difference_dph.sigma);
         after.shift(bias.difference_dph.value, bias.difference_dph.sigma);
         let heading = self.gyrocompass.map(|compass| self.heading(compass, &after, span));
         let steps = unit.nrows();
         let (curve_before, curve_after) = (&unit * &before.coefficients, &unit * &after.coefficients);
-        let end = |drift: &Drift| {
+        let end = |drift: &FlightDrift| {
             let g = unit.row(steps - 1).transpose();
             let variance = (g.transpose() * &drift.covariance * &g)[(0, 0)];
             Estimate { value: g.dot(&drift.coefficients), sigma: variance.clamp(0.0, f64::INFINITY).sqrt() }
@@ -266,7 +266,7 @@ impl Flight {
     }
 
     /// The drift at take-off as an error of the heading, ε/(Ω·cos φ), and what it is across the track at the end.
-    fn heading(&self, compass: Gyrocompass, drift: &Drift, span: Span) -> HeadingError {
+    fn heading(&self, compass: Gyrocompass, drift: &FlightDrift, span: Span) -> HeadingError {
         let (start_c, _) = self.at(0.0);
         let at_start = DVector::from_row_slice(&columns(span, start_c, 0.0));
         let value_dph = at_start.dot(&drift.coefficients);
@@ -279,7 +279,7 @@ impl Flight {
     }
 
     /// Temperatures of the flight that no window is near cannot be told by a curve through those beside them.
-    fn check_holes(&self, used: &[&Point]) -> std::result::Result<(), String> {
+    fn check_holes(&self, used: &[&WindowPoint]) -> std::result::Result<(), String> {
         let of_flight = self.profile.iter().map(|corner| corner.temperature_c);
         let lo = of_flight.clone().fold(f64::INFINITY, f64::min);
         let hi = of_flight.fold(f64::NEG_INFINITY, f64::max);
@@ -319,7 +319,7 @@ fn largest(values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Largest |x| + 2σ over the flight, looked at every minute and at its end.
-fn bound_m(unit: &DMatrix<f64>, drift: &Drift, curve: &DVector<f64>) -> f64 {
+fn bound_m(unit: &DMatrix<f64>, drift: &FlightDrift, curve: &DVector<f64>) -> f64 {
     let last = unit.nrows() - 1;
     let looks = (0..=last).filter(|step| step % 60 == 59 || *step == last);
     let bound = |step: usize| {
@@ -341,19 +341,19 @@ fn columns(span: Span, celsius: f64, rate_cpm: f64) -> [f64; COLUMNS] {
 }
 
 /// A drift over T and Ṫ with its covariance.
-struct Drift {
+struct FlightDrift {
     coefficients: DVector<f64>,
     covariance: DMatrix<f64>,
 }
 
-impl Drift {
+impl FlightDrift {
     /// Adds a constant with its σ.
     fn shift(&mut self, value: f64, sigma: f64) {
         self.coefficients[0] += value;
         self.covariance[(0, 0)] += sigma * sigma;
     }
 
-    fn of(points: &[&Point], span: Span, value: impl Fn(&Point) -> f64) -> Option<Self> {
+    fn of(points: &[&WindowPoint], span: Span, value: impl Fn(&WindowPoint) -> f64) -> Option<Self> {
         let design = DMatrix::from_row_iterator(
             points.len(),
             COLUMNS,
@@ -392,14 +392,14 @@ mod tests {
         }
     }
 
-    fn points(before: impl Fn(f64, f64) -> f64, after: impl Fn(f64, f64) -> f64) -> Vec<Point> {
+    fn points(before: impl Fn(f64, f64) -> f64, after: impl Fn(f64, f64) -> f64) -> Vec<WindowPoint> {
         let one = |i: usize| {
             let phase = i as f64 / 100.0;
             let up = phase % 2.0 < 1.0;
             let celsius = if up { 110.0 * (phase % 1.0) - 40.0 } else { 70.0 - 110.0 * (phase % 1.0) };
             let rate = if up { 1.0 } else { -1.0 };
             let noise = 0.02 * noise(i);
-            Point {
+            WindowPoint {
                 run: 0,
                 hours: i as f64 / 36.0,
                 length_h: 1.0 / 36.0,

@@ -9,7 +9,7 @@
 use sagnac_log::error::{Error, Result};
 use sagnac_units::format::{file_name, significant};
 
-use crate::diagnostics::{Point, ReportData};
+use crate::diagnostics::{ReportData, WindowPoint};
 use crate::verify::values::repeatability::RUN_WITHOUT_BIAS;
 use crate::verify::{AxisVerification, BiasRepeatability, Limits, Verdict, Verification};
 
@@ -109,7 +109,7 @@ impl AxisVerification {
         }
     }
 
-    fn judged(self, limits: &Limits, points: &[Point]) -> Result<Self> {
+    fn judged(self, limits: &Limits, points: &[WindowPoint]) -> Result<Self> {
         let n = self.residual.random_walk.map(|walk| walk.after_deg_rt_h);
         let flown = limits.flight.as_ref().map(|flight| flight.fly(points, n, self.bias_of_every_run()));
         let (flight, flight_unavailable) = match flown {

@@ -90,7 +90,7 @@ impl Applies {
 }
 
 /// A value with its standard error, where it has one.
-type Value = Option<(f64, Option<f64>)>;
+type LimitValue = Option<(f64, Option<f64>)>;
 
 /// Everything about one limit: file, judgement, report and documentation are made from these.
 #[derive(Clone, Copy)]
@@ -111,7 +111,7 @@ pub struct LimitSpec {
     /// The largest limit that a file may state.
     pub(crate) largest: f64,
     pub(crate) stated: fn(&Limits) -> Option<f64>,
-    value: fn(&AxisVerification) -> Value,
+    value: fn(&AxisVerification) -> LimitValue,
     unknown: &'static str,
 }
 
@@ -205,22 +205,22 @@ const NO_FLOOR: &str =
 const NO_NOISE: &str = "the rows do not show their noise: a window needs eight of them or more (a longer --window)";
 
 /// The value alone, without a standard error.
-fn plain(value: Option<f64>) -> Value {
+fn plain(value: Option<f64>) -> LimitValue {
     value.map(|value| (value, None))
 }
 
 /// A value whose standard error is a part of it.
-fn relative(value: Option<f64>, part: f64) -> Value {
+fn relative(value: Option<f64>, part: f64) -> LimitValue {
     value.map(|value| (value, Some(value * part)))
 }
 
 /// The size of a value in ppm.
-fn size_ppm(estimate: Option<PpmEstimate>) -> Value {
+fn size_ppm(estimate: Option<PpmEstimate>) -> LimitValue {
     estimate.map(|estimate| (estimate.ppm.abs(), Some(estimate.sigma_ppm)))
 }
 
 /// The largest of some of the plateaus' estimates.
-fn largest_ppm(axis: &AxisVerification, of: fn(&PlateauProof) -> Option<PpmEstimate>) -> Value {
+fn largest_ppm(axis: &AxisVerification, of: fn(&PlateauProof) -> Option<PpmEstimate>) -> LimitValue {
     size_ppm(worst_known(scale_of(axis).into_iter().flat_map(|scale| &scale.plateaus).filter_map(of)))
 }
 
@@ -240,7 +240,7 @@ fn scale_of(axis: &AxisVerification) -> Option<&ScaleProof> {
 }
 
 /// The size of an estimate with its standard error.
-fn size(estimate: Option<Estimate>) -> Value {
+fn size(estimate: Option<Estimate>) -> LimitValue {
     estimate.map(|estimate| (estimate.value.abs(), Some(estimate.sigma)))
 }
 

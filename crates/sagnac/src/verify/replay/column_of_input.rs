@@ -23,14 +23,14 @@ pub enum LogColumn {
 /// What the images of a log's axes read.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
-pub struct Readings {
+pub struct InputColumns {
     /// The thermometer of the fit.
     pub thermometer: Option<usize>,
     /// Per axis of the log and thermometer of its image; `None` where the target makes it from others.
     pub columns: Vec<Vec<Option<LogColumn>>>,
 }
 
-impl Readings {
+impl InputColumns {
     /// Images that read one thermometer, or none.
     pub fn of_one(images: &[Image], thermometer: Option<usize>) -> Self {
         let column =

@@ -3,7 +3,7 @@
 use sagnac_core::Image;
 
 use crate::calibration::{Calibration, LogUnit};
-use crate::verify::replay::column_of_input::Readings;
+use crate::verify::replay::column_of_input::InputColumns;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{LogShape, hex, sha256};
 use sagnac_log::setup::Setup;
@@ -71,7 +71,7 @@ impl Correction {
     ///
     /// # Errors
     /// An axis without image, a thermometer that the log does not have, another serial in the setup.
-    pub fn fit_to(&self, shape: &LogShape, setup: &Setup) -> Result<(Vec<Image>, Readings)> {
+    pub fn fit_to(&self, shape: &LogShape, setup: &Setup) -> Result<(Vec<Image>, InputColumns)> {
         if let Some(wanted) = setup.serial.as_deref().filter(|serial| *serial != self.serial()) {
             return Err(Error::input(format!("the correction belongs to {:?}, not to {wanted:?}", self.serial()))
                 .column("serial")
@@ -108,7 +108,7 @@ impl Correction {
         };
         let images = images?;
         let axes = self.calibration.as_ref().map(|calibration| calibration.axes.as_slice());
-        let readings = Readings::find(&images, axes, sensor, shape, setup)?;
+        let readings = InputColumns::find(&images, axes, sensor, shape, setup)?;
         Ok((images, readings))
     }
 

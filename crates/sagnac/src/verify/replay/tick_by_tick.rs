@@ -13,7 +13,7 @@
 
 use sagnac_core::{Compensator, Image, InputSpec, MAX_INPUTS, Misuse, State, Status};
 
-use crate::verify::replay::column_of_input::{LogColumn, Readings};
+use crate::verify::replay::column_of_input::{InputColumns, LogColumn};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, Batch, LogShape};
 use sagnac_units::s_from_ns;
@@ -105,7 +105,7 @@ impl Replay {
     ///
     /// # Errors
     /// Images that do not fit the log (scale factor, tick, number).
-    pub fn new(images: &[Image], shape: &LogShape, readings: Readings, file: &str) -> Result<Self> {
+    pub fn new(images: &[Image], shape: &LogShape, readings: InputColumns, file: &str) -> Result<Self> {
         let head = images.first().ok_or_else(|| Error::input("no image for any axis of the log"))?.description();
         let same = |image: &Image| {
             let d = image.description();

@@ -13,9 +13,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::diagnostics::{Leg, Point, hysteresis_of};
+use crate::diagnostics::{Leg, WindowPoint, hysteresis_of};
 use crate::verify::values::judged_windows::{Estimate, FEWEST, joined, judged, lag1_autocorrelation, mean, spread};
-use crate::verify::values::noise::ResidualNoise;
+use crate::verify::values::noise::RetestNoise;
 use sagnac_units::format::{counted, significant, with_sigma};
 
 /// Windows on each side of a gap whose means are compared.
@@ -75,8 +75,8 @@ impl ResidualDiagnostics {
 
 /// From the points of an axis. σ of the figures, which counts a short window by its length, and the floor in °/h.
 pub(crate) fn residual_diagnostics(
-    points: &[Point],
-    noise: &ResidualNoise,
+    points: &[WindowPoint],
+    noise: &RetestNoise,
     sigma_dph: f64,
     floor_dph: Option<f64>,
 ) -> ResidualDiagnostics {
@@ -96,11 +96,11 @@ fn over(sigma: f64, floor: f64, n: usize) -> Option<f64> {
     (n >= FEWEST && excess > 2.0 * sampling).then(|| excess.sqrt())
 }
 
-fn hysteresis(points: &[Point], noise: &ResidualNoise, used: &[&Point]) -> Option<Estimate> {
+fn hysteresis(points: &[WindowPoint], noise: &RetestNoise, used: &[&WindowPoint]) -> Option<Estimate> {
     let legs = hysteresis_of(points, FEWEST, |p| p.after_dph)?;
     let count = |leg: Leg| used.iter().filter(|p| p.leg() == leg).count() as f64;
     let (heating, cooling) = (count(Leg::Heating), count(Leg::Cooling));
-    let part = |point: &&Point| match point.leg() {
+    let part = |point: &&WindowPoint| match point.leg() {
         Leg::Heating => 1.0 / heating,
         Leg::Cooling => -1.0 / cooling,
         Leg::Steady => 0.0,
@@ -109,10 +109,10 @@ fn hysteresis(points: &[Point], noise: &ResidualNoise, used: &[&Point]) -> Optio
     Some(Estimate { value: legs.difference_dph, sigma: noise.sigma_dph(&parts) })
 }
 
-fn gap_steps(used: &[&Point], sigma: f64) -> Option<GapSteps> {
+fn gap_steps(used: &[&WindowPoint], sigma: f64) -> Option<GapSteps> {
     let breaks = (BESIDE..used.len().saturating_sub(BESIDE - 1)).filter(|i| {
         let beside = &used[i - BESIDE..i + BESIDE];
-        let whole = |part: &[&Point]| part.windows(2).all(|pair| joined(pair[0], pair[1]));
+        let whole = |part: &[&WindowPoint]| part.windows(2).all(|pair| joined(pair[0], pair[1]));
         used[i - 1].run == used[*i].run
             && !joined(used[i - 1], used[*i])
             && whole(&beside[..BESIDE])
@@ -130,8 +130,8 @@ mod tests {
     use crate::verify::tests::noise;
 
     /// Windows of 100 s: heating for a hundred, cooling for a hundred, a gap each fifty.
-    fn points(after: impl Fn(usize) -> f64) -> Vec<Point> {
-        let one = |i: usize| Point {
+    fn points(after: impl Fn(usize) -> f64) -> Vec<WindowPoint> {
+        let one = |i: usize| WindowPoint {
             run: 0,
             hours: (i as f64 + (i / 50) as f64 * 0.1) / 36.0,
             length_h: 1.0 / 36.0,
@@ -148,8 +148,8 @@ mod tests {
     #[test]
     fn what_was_put_in_is_named() {
         let floor = (1.0_f64 / 12.0).sqrt();
-        let of = |points: &[Point], floor| {
-            let noise = ResidualNoise::of(&judged(points), false);
+        let of = |points: &[WindowPoint], floor| {
+            let noise = RetestNoise::of(&judged(points), false);
             residual_diagnostics(points, &noise, spread(&points.iter().collect::<Vec<_>>()), floor)
         };
         let nothing = of(&points(noise), Some(floor));

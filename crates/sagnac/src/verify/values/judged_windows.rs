@@ -9,7 +9,7 @@
 use nalgebra::DMatrix;
 use serde::{Deserialize, Serialize};
 
-use crate::diagnostics::Point;
+use crate::diagnostics::WindowPoint;
 use crate::model::Span;
 
 /// Fewer windows show nothing.
@@ -32,26 +32,26 @@ pub struct Estimate {
 }
 
 /// The windows that figures are of.
-pub(crate) fn judged(points: &[Point]) -> Vec<&Point> {
+pub(crate) fn judged(points: &[WindowPoint]) -> Vec<&WindowPoint> {
     points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect()
 }
 
-pub(crate) fn mean(points: &[&Point]) -> f64 {
+pub(crate) fn mean(points: &[&WindowPoint]) -> f64 {
     points.iter().map(|p| p.after_dph).sum::<f64>() / points.len() as f64
 }
 
-pub(crate) fn spread(points: &[&Point]) -> f64 {
+pub(crate) fn spread(points: &[&WindowPoint]) -> f64 {
     let mean = mean(points);
     (points.iter().map(|p| (p.after_dph - mean).powi(2)).sum::<f64>() / points.len() as f64).sqrt()
 }
 
 /// Two windows follow each other without a break.
-pub(crate) fn joined(a: &Point, b: &Point) -> bool {
+pub(crate) fn joined(a: &WindowPoint, b: &WindowPoint) -> bool {
     let between = (b.hours - 0.5 * b.length_h) - (a.hours + 0.5 * a.length_h);
     a.run == b.run && between < GAP * a.length_h.min(b.length_h)
 }
 
-pub(crate) fn lag1_autocorrelation(used: &[&Point], sigma: f64) -> Option<Estimate> {
+pub(crate) fn lag1_autocorrelation(used: &[&WindowPoint], sigma: f64) -> Option<Estimate> {
     let pairs: Vec<f64> =
         used.windows(2).filter(|w| joined(w[0], w[1])).map(|w| w[0].after_dph * w[1].after_dph).collect();
     let n = pairs.len() as f64;

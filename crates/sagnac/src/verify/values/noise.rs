@@ -14,7 +14,7 @@ use std::ops::Range;
 
 use nalgebra::DMatrix;
 
-use crate::diagnostics::Point;
+use crate::diagnostics::WindowPoint;
 use crate::model::Span;
 use crate::noise_model::blocks::{Estimated, noise_of_blocks};
 use crate::noise_model::likelihood::{Block, Rows, mean};
@@ -24,33 +24,33 @@ use crate::verify::values::judged_windows::{lag1_autocorrelation, smooth_columns
 const FEWEST_FOR_SERIES: usize = 20;
 
 /// The noise of the judged windows of an axis.
-pub(crate) struct ResidualNoise {
+pub(crate) struct RetestNoise {
     rows: Rows,
     noise: Estimated,
     /// The windows are about the mean of all runs, not each about its run's.
     about_common_mean: bool,
 }
 
-impl ResidualNoise {
+impl RetestNoise {
     /// Of the judged windows, in their order.
-    pub(crate) fn of(used: &[&Point], about_common_mean: bool) -> Self {
+    pub(crate) fn of(used: &[&WindowPoint], about_common_mean: bool) -> Self {
         let nominal_s = used.iter().map(|p| p.length_h).fold(0.0, f64::max) * 3600.0;
-        let runs: Vec<&[&Point]> = used.chunk_by(|a, b| a.run == b.run).collect();
+        let runs: Vec<&[&WindowPoint]> = used.chunk_by(|a, b| a.run == b.run).collect();
         let longest_h = runs.iter().map(|run| run[run.len() - 1].hours - run[0].hours).fold(0.0, f64::max);
-        let rows = |points: &[&Point]| Rows {
+        let rows = |points: &[&WindowPoint]| Rows {
             run: points.iter().map(|p| p.run).collect(),
             middle_s: points.iter().map(|p| p.hours * 3600.0).collect(),
             weight: points.iter().map(|p| p.length_h * 3600.0 / nominal_s).collect(),
             longest_s: longest_h * 3600.0 + nominal_s,
             nominal_s,
         };
-        let block = |run: &[&Point]| {
+        let block = |run: &[&WindowPoint]| {
             // A window whose temperature is not known must not hide those of the others.
-            let known: Vec<&Point> = run.iter().copied().filter(is_known).collect();
+            let known: Vec<&WindowPoint> = run.iter().copied().filter(is_known).collect();
             let run = if known.len() < FEWEST_FOR_SERIES { run } else { &known };
             let each = rows(run);
             let (rows, groups) = Rows::averaged(each.view(), used.len());
-            let averaged: Vec<Point> = groups.iter().map(|group| average(run, &each.weight, group)).collect();
+            let averaged: Vec<WindowPoint> = groups.iter().map(|group| average(run, &each.weight, group)).collect();
             Block::at_right_angles(rows, columns(&averaged), |i| averaged[i].after_dph)
         };
         let blocks: Vec<Block> = runs.into_iter().filter_map(block).collect();
@@ -90,18 +90,18 @@ impl ResidualNoise {
 }
 
 /// The mean of a group of windows.
-fn average(run: &[&Point], weight: &[f64], group: &Range<usize>) -> Point {
-    let of = |value: fn(&Point) -> f64| mean(weight, group, |i| value(run[i]));
+fn average(run: &[&WindowPoint], weight: &[f64], group: &Range<usize>) -> WindowPoint {
+    let of = |value: fn(&WindowPoint) -> f64| mean(weight, group, |i| value(run[i]));
     let (temperature_c, rate_cpm, after_dph) = (of(|p| p.temperature_c), of(|p| p.rate_cpm), of(|p| p.after_dph));
-    Point { temperature_c, rate_cpm, after_dph, ..*run[group.start] }
+    WindowPoint { temperature_c, rate_cpm, after_dph, ..*run[group.start] }
 }
 
-fn is_known(point: &&Point) -> bool {
+fn is_known(point: &&WindowPoint) -> bool {
     point.temperature_c.is_finite() && point.rate_cpm.is_finite()
 }
 
 /// The columns of a run's windows that are no noise: a level, or a series over temperature and a rate term.
-fn columns(run: &[Point]) -> DMatrix<f64> {
+fn columns(run: &[WindowPoint]) -> DMatrix<f64> {
     if run.len() < FEWEST_FOR_SERIES || !run.iter().all(|p| is_known(&p)) {
         return DMatrix::from_element(run.len(), 1, 1.0);
     }

@@ -14,7 +14,8 @@ use sagnac_core::{Image, Status};
 use crate::calibration::{AxisCalibration, MovedTogether};
 use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
 use crate::diagnostics::{
-    AxisReportData, Point, ReportData, RunSpan, offsets_hide_drift, points, ramp_rates_cpm, rate_coverage, run_spans,
+    AxisReportData, ReportData, RunSpan, WindowPoint, offsets_hide_drift, points, ramp_rates_cpm, rate_coverage,
+    run_spans,
 };
 use crate::noise_model::stated::noise_of;
 use crate::verify::replay::correction::Correction;
@@ -23,7 +24,7 @@ use crate::verify::result::{AxisVerification, Coverage, RetestNoiseFloor};
 use crate::verify::values::before_after::{Figures, Weighted, expected_range};
 use crate::verify::values::diagnostics::residual_diagnostics;
 use crate::verify::values::judged_windows;
-use crate::verify::values::noise::ResidualNoise;
+use crate::verify::values::noise::RetestNoise;
 use crate::verify::values::rate_table::{Drifts, PairedDrifts};
 use crate::verify::values::repeatability::{BiasRepeatability, scale_difference};
 use crate::verify::values::residual::{RandomWalk, residual};
@@ -62,7 +63,7 @@ impl<'a> Retest<'a> {
 }
 
 /// Windows prepared once for every axis.
-struct Prepared<'a> {
+struct PreparedWindows<'a> {
     retest: &'a Retest<'a>,
     used: Vec<usize>,
     drifts: PairedDrifts<'a>,
@@ -71,7 +72,7 @@ struct Prepared<'a> {
     report_data: ReportData,
 }
 
-impl<'a> Prepared<'a> {
+impl<'a> PreparedWindows<'a> {
     fn of(retest: &'a Retest<'a>, setup: &'a Setup, sensor: Option<usize>) -> Result<Self> {
         let pair = retest.pair;
         let used = pair.used();
@@ -139,8 +140,8 @@ fn too_few(used: &[usize]) -> Error {
 }
 
 impl Against<'_> {
-    fn axis_figures(&self, prepared: &Prepared<'_>, axis: usize) -> Result<AxisVerification> {
-        let Prepared { retest, used, drifts, about_common_mean, report_data } = prepared;
+    fn axis_figures(&self, prepared: &PreparedWindows<'_>, axis: usize) -> Result<AxisVerification> {
+        let PreparedWindows { retest, used, drifts, about_common_mean, report_data } = prepared;
         let windows = &retest.pair.raw;
         let letter = windows.shape.axes[axis];
         let record = self.record(letter);
@@ -150,7 +151,7 @@ impl Against<'_> {
         let noise_floor = noise_floor(windows, used, axis, self.correction, self.setup, prepared.dph_per_unit());
         let floor_dph = noise_floor.as_ref().map(|floor| floor.value_dph);
         let points = &report_data.axes[axis].points;
-        let noise = ResidualNoise::of(&judged_windows::judged(points), *about_common_mean);
+        let noise = RetestNoise::of(&judged_windows::judged(points), *about_common_mean);
         let scale_factor = drifts.scale_proof(used, axis, self.sensor);
         let bias = BiasRepeatability::of(drifts, windows, used, axis, record, self.setup);
         Ok(AxisVerification {
@@ -188,7 +189,7 @@ impl Against<'_> {
 
     /// Figures of every axis over the used windows, and the points behind them.
     pub(crate) fn figures(&self, retest: &Retest<'_>) -> Result<(Vec<AxisVerification>, ReportData)> {
-        let prepared = Prepared::of(retest, self.setup, self.sensor)?;
+        let prepared = PreparedWindows::of(retest, self.setup, self.sensor)?;
         let axes = (0..retest.pair.raw.shape.axes.len()).map(|axis| self.axis_figures(&prepared, axis));
         Ok((axes.collect::<Result<_>>()?, prepared.report_data))
     }
@@ -205,13 +206,13 @@ impl Against<'_> {
 }
 
 /// Part of the temperature rates of a fit that the ramps of a retest reach.
-fn reached_rates(record: &AxisCalibration, points: &[Point]) -> Option<f64> {
+fn reached_rates(record: &AxisCalibration, points: &[WindowPoint]) -> Option<f64> {
     record.rate_span_cpm()?;
     Some(rate_coverage(record.fit.as_ref()?.ramp_rates_cpm?, ramp_rates_cpm(points)?))
 }
 
 /// What the calibration could not separate from temperature moves with it here, too.
-fn repeats_profile(record: &AxisCalibration, points: &[Point]) -> bool {
+fn repeats_profile(record: &AxisCalibration, points: &[WindowPoint]) -> bool {
     let entanglement = record.fit.as_ref().map(|fit| &fit.entanglement);
     let again = |with: MovedTogether| match with {
         MovedTogether::TemperatureRate => rate_explained(points),

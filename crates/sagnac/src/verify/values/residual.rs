@@ -18,11 +18,11 @@
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
-use crate::diagnostics::{Leg, Point};
+use crate::diagnostics::{Leg, WindowPoint};
 use crate::model::Span;
 use crate::rate_table::plateaus::level_stretches;
 use crate::verify::values::judged_windows::{Estimate, joined, judged, smooth_columns, smooth_order};
-use crate::verify::values::noise::ResidualNoise;
+use crate::verify::values::noise::RetestNoise;
 use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};
 
 /// Fewer windows are no plateau.
@@ -72,7 +72,7 @@ pub struct RandomWalk {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
-pub struct Residual {
+pub struct RetestResidual {
     /// Null without a plateau.
     pub plateaus: Option<Plateaus>,
     /// Null without ramps.
@@ -93,10 +93,10 @@ pub struct Residual {
 }
 
 /// From the points of an axis and their noise.
-pub(crate) fn residual(points: &[Point], noise: &ResidualNoise, random_walk: Option<RandomWalk>) -> Residual {
+pub(crate) fn residual(points: &[WindowPoint], noise: &RetestNoise, random_walk: Option<RandomWalk>) -> RetestResidual {
     let used = judged(points);
     let (temperature_slope, rate_slope) = slopes(&used, noise);
-    Residual {
+    RetestResidual {
         plateaus: plateaus(&used),
         ramps_rms_dph: ramps(&used),
         ramp_offset_dph: ramp_offset(&used, noise),
@@ -108,17 +108,17 @@ pub(crate) fn residual(points: &[Point], noise: &ResidualNoise, random_walk: Opt
     }
 }
 
-fn mean(points: &[&Point], of: impl Fn(&Point) -> f64) -> f64 {
+fn mean(points: &[&WindowPoint], of: impl Fn(&WindowPoint) -> f64) -> f64 {
     points.iter().map(|p| of(p)).sum::<f64>() / points.len() as f64
 }
 
-fn plateaus(used: &[&Point]) -> Option<Plateaus> {
-    let is_steady = |p: &&Point| p.leg() == Leg::Steady && p.temperature_c.is_finite();
-    let steady: Vec<&Point> = used.iter().copied().filter(is_steady).collect();
+fn plateaus(used: &[&WindowPoint]) -> Option<Plateaus> {
+    let is_steady = |p: &&WindowPoint| p.leg() == Leg::Steady && p.temperature_c.is_finite();
+    let steady: Vec<&WindowPoint> = used.iter().copied().filter(is_steady).collect();
     let stretches = level_stretches(steady.iter().map(|p| (p.run, p.temperature_c)));
-    let mut all: Vec<&[&Point]> = stretches.into_iter().map(|stretch| &steady[stretch]).collect();
+    let mut all: Vec<&[&WindowPoint]> = stretches.into_iter().map(|stretch| &steady[stretch]).collect();
     all.retain(|plateau| plateau.len() >= FEWEST);
-    let figures = |plateau: &&[&Point]| {
+    let figures = |plateau: &&[&WindowPoint]| {
         let (n, centre) = (plateau.len() as f64, mean(plateau, |p| p.after_dph));
         let squares: f64 = plateau.iter().map(|p| (p.after_dph - centre).powi(2)).sum();
         let sigma = (squares / (n - 1.0)).sqrt();
@@ -137,14 +137,14 @@ fn plateaus(used: &[&Point]) -> Option<Plateaus> {
     })
 }
 
-fn ramps(used: &[&Point]) -> Option<f64> {
+fn ramps(used: &[&WindowPoint]) -> Option<f64> {
     let moving: Vec<f64> = used.iter().filter(|p| p.leg() != Leg::Steady).map(|p| p.after_dph).collect();
     let square = moving.iter().map(|r| r * r).sum::<f64>() / moving.len() as f64;
     (moving.len() >= FEWEST_OF_LEG).then(|| square.sqrt())
 }
 
 /// Means of the ramps, heating and cooling alike, less the mean of the steady windows.
-fn ramp_offset(used: &[&Point], noise: &ResidualNoise) -> Option<Estimate> {
+fn ramp_offset(used: &[&WindowPoint], noise: &RetestNoise) -> Option<Estimate> {
     let known = used.iter().filter(|p| p.rate_cpm.is_finite());
     let (steady, ramps) = known.fold((0.0_f64, 0.0_f64), |(steady, ramps), p| match p.leg() {
         Leg::Steady => (steady + 1.0, ramps),
@@ -153,7 +153,7 @@ fn ramp_offset(used: &[&Point], noise: &ResidualNoise) -> Option<Estimate> {
     if ramps.min(steady) < FEWEST_OF_SOAKS {
         return None;
     }
-    let part = |p: &&Point| match p.leg() {
+    let part = |p: &&WindowPoint| match p.leg() {
         _ if !p.rate_cpm.is_finite() => 0.0,
         Leg::Steady => -1.0 / steady,
         Leg::Heating | Leg::Cooling => 1.0 / ramps,
@@ -164,7 +164,7 @@ fn ramp_offset(used: &[&Point], noise: &ResidualNoise) -> Option<Estimate> {
 }
 
 /// Slopes over T and Ṫ of one line, each `None` where its column does not vary, both where they vary as one.
-fn slopes(used: &[&Point], noise: &ResidualNoise) -> (Option<Estimate>, Option<Estimate>) {
+fn slopes(used: &[&WindowPoint], noise: &RetestNoise) -> (Option<Estimate>, Option<Estimate>) {
     let sound: Vec<usize> =
         (0..used.len()).filter(|at| used[*at].temperature_c.is_finite() && used[*at].rate_cpm.is_finite()).collect();
     if sound.len() < FEWEST_OF_LEG {
@@ -172,7 +172,7 @@ fn slopes(used: &[&Point], noise: &ResidualNoise) -> (Option<Estimate>, Option<E
     }
     let n = sound.len() as f64;
     // About their mean; zero where they are not known.
-    let centred = |of: fn(&Point) -> f64| {
+    let centred = |of: fn(&WindowPoint) -> f64| {
         let mean = sound.iter().map(|at| of(used[*at])).sum::<f64>() / n;
         let mut column = DVector::zeros(used.len());
         sound.iter().for_each(|at| column[*at] = of(used[*at]) - mean);
@@ -211,7 +211,7 @@ const BANDS: f64 = 24.0;
 /// ```
 ///
 /// Not the mean over the windows: forty hours at one temperature would hide the ends of the span.
-fn over_temperature(used: &[&Point], noise: &ResidualNoise) -> Option<Estimate> {
+fn over_temperature(used: &[&WindowPoint], noise: &RetestNoise) -> Option<Estimate> {
     let known: Vec<usize> = (0..used.len()).filter(|at| used[*at].temperature_c.is_finite()).collect();
     let celsius = |at: usize| used[known[at]].temperature_c;
     let (lo, hi) =
@@ -265,10 +265,10 @@ const MOST_FILLED: f64 = 0.1;
 
 /// The windows in stretches without a gap. Short gaps are filled with the mean of the windows beside them, unless these are too many:
 /// a minute that is missing in each hour must not hide every τ above an hour.
-fn stretches(used: &[&Point]) -> Vec<Vec<f64>> {
+fn stretches(used: &[&WindowPoint]) -> Vec<Vec<f64>> {
     let longest_h = used.iter().map(|point| point.length_h).fold(0.0, f64::max);
-    let gap_h = |a: &Point, b: &Point| (b.hours - 0.5 * b.length_h) - (a.hours + 0.5 * a.length_h);
-    let lost = |a: &Point, b: &Point| {
+    let gap_h = |a: &WindowPoint, b: &WindowPoint| (b.hours - 0.5 * b.length_h) - (a.hours + 0.5 * a.length_h);
+    let lost = |a: &WindowPoint, b: &WindowPoint| {
         let windows = gap_h(a, b) / longest_h;
         (a.run == b.run && !joined(a, b) && windows <= MOST_BRIDGED).then(|| windows.round().max(0.0) as usize)
     };
@@ -291,7 +291,7 @@ fn stretches(used: &[&Point]) -> Vec<Vec<f64>> {
 }
 
 /// The least deviation over octaves of the windows, to a sixth of what hangs together.
-fn bias_instability(used: &[&Point]) -> Option<Estimate> {
+fn bias_instability(used: &[&WindowPoint]) -> Option<Estimate> {
     let stretches = stretches(used);
     let longest = stretches.iter().map(Vec::len).max().unwrap_or(0);
     let wanted: Vec<Difference> = (0..16)
@@ -319,7 +319,7 @@ mod tests {
     use super::*;
     use crate::verify::tests::noise;
 
-    fn points(after: impl Fn(usize, f64, f64) -> f64) -> Vec<Point> {
+    fn points(after: impl Fn(usize, f64, f64) -> f64) -> Vec<WindowPoint> {
         let one = |i: usize| {
             let (celsius, rate) = match i / 50 {
                 0 => (-40.0, 0.0),
@@ -327,7 +327,7 @@ mod tests {
                 2 => (10.0, 0.0),
                 _ => (10.0 - (i - 150) as f64, -0.6),
             };
-            Point {
+            WindowPoint {
                 run: 0,
                 hours: i as f64 / 36.0,
                 length_h: 1.0 / 36.0,
@@ -342,8 +342,8 @@ mod tests {
         (0..200).map(one).collect()
     }
 
-    fn residual_of(points: &[Point]) -> Residual {
-        residual(points, &ResidualNoise::of(&judged(points), false), None)
+    fn residual_of(points: &[WindowPoint]) -> RetestResidual {
+        residual(points, &RetestNoise::of(&judged(points), false), None)
     }
 
     #[test]

@@ -10,7 +10,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sagnac::ErrorKind;
 use sagnac::calibration::{AxisCalibration, Calibration};
-use sagnac::model::Shape;
+use sagnac::model::TermShape;
 use sagnac_log::setup::Setup;
 
 /// A gyro whose bias follows `amplitude_dph·cos(2π·v/period + phase)`.
@@ -54,8 +54,9 @@ pub(crate) fn setup() -> Setup {
 }
 
 pub(crate) fn amplitude(axis: &AxisCalibration) -> f64 {
-    let of = |wanted: fn(Shape) -> bool| axis.correction.terms.iter().find(|term| wanted(term.shape)).unwrap().value;
-    of(|shape| matches!(shape, Shape::Cosine { .. })).hypot(of(|shape| matches!(shape, Shape::Sine { .. })))
+    let of =
+        |wanted: fn(TermShape) -> bool| axis.correction.terms.iter().find(|term| wanted(term.shape)).unwrap().value;
+    of(|shape| matches!(shape, TermShape::Cosine { .. })).hypot(of(|shape| matches!(shape, TermShape::Sine { .. })))
 }
 
 pub(crate) fn made(gyro: Prism, model: &str) -> sagnac::Result<Calibration> {
