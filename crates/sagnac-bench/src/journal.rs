@@ -230,7 +230,7 @@ pub struct JournalReader {
 }
 
 /// What stands at a place of the file.
-enum Found {
+enum JournalPiece {
     Block {
         entries: Vec<Entry>,
         length: u64,
@@ -285,13 +285,13 @@ impl JournalReader {
         let mut at = self.position;
         loop {
             match self.look(at, end)? {
-                Found::Block { entries, length } => {
+                JournalPiece::Block { entries, length } => {
                     self.damaged += at - self.position;
                     self.position = at + length;
                     return Ok(Some(entries));
                 }
                 // The end of the file, a cut in its last block, or a damaged length: then whole blocks are behind it.
-                Found::Short | Found::Damaged => match self.next_magic(at + 1, end)? {
+                JournalPiece::Short | JournalPiece::Damaged => match self.next_magic(at + 1, end)? {
                     Some(next) => at = next,
                     None => return Ok(None),
                 },
@@ -299,32 +299,35 @@ impl JournalReader {
         }
     }
 
-    fn look(&mut self, at: u64, end: u64) -> Result<Found> {
+    fn look(&mut self, at: u64, end: u64) -> Result<JournalPiece> {
         let room = end.saturating_sub(at);
         let head = self.bytes(at, HEAD_BYTES)?;
         let mut rest = head.as_slice();
         let (Some(magic), Some(length), Some(checksum)) =
             (front::<4>(&mut rest), front::<4>(&mut rest), front::<4>(&mut rest))
         else {
-            return Ok(Found::Short);
+            return Ok(JournalPiece::Short);
         };
         let length = u32::from_le_bytes(length) as usize;
         // LZ4 makes nothing longer by more than a part in 255.
         if magic != MAGIC || length > MOST_BLOCK_BYTES + MOST_BLOCK_BYTES / 128 {
-            return Ok(Found::Damaged);
+            return Ok(JournalPiece::Damaged);
         }
         if (HEAD_BYTES + length) as u64 > room {
-            return Ok(Found::Short);
+            return Ok(JournalPiece::Short);
         }
         let body = self.bytes(at + HEAD_BYTES as u64, length)?;
         if body.len() < length {
-            return Ok(Found::Short);
+            return Ok(JournalPiece::Short);
         }
         if CRC.checksum(&body) != u32::from_le_bytes(checksum) {
-            return Ok(Found::Damaged);
+            return Ok(JournalPiece::Damaged);
         }
         let entries = unpacked(&body).and_then(|bytes| entries_of(&bytes));
-        Ok(entries.map_or(Found::Damaged, |entries| Found::Block { entries, length: (HEAD_BYTES + length) as u64 }))
+        Ok(entries.map_or(JournalPiece::Damaged, |entries| JournalPiece::Block {
+            entries,
+            length: (HEAD_BYTES + length) as u64,
+        }))
     }
 
     /// The next place where a block may begin.

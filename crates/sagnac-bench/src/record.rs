@@ -16,7 +16,7 @@ use sagnac_log::{Error, Result};
 use serde::Serialize;
 
 use crate::journal::{Entry, JournalWriter, Kind};
-use crate::source::{ArrivalClock, Arrived, Stop, What};
+use crate::source::{ArrivalClock, Arrived, SourceEvent, Stop};
 
 /// A block is written after this time, or when it is this long.
 const WRITE_AFTER: Duration = Duration::from_millis(100);
@@ -200,7 +200,7 @@ impl Recorder {
         let Arrived { source, at_ns, what } = arrived;
         let is_first = source == 0;
         let entry = match what {
-            What::Bytes(payload) => {
+            SourceEvent::Bytes(payload) => {
                 self.sources.with(source.into(), |status| {
                     status.state = SourceState::Live;
                     status.last_ns = at_ns;
@@ -208,21 +208,21 @@ impl Recorder {
                 });
                 Entry { kind: Kind::Bytes, source, arrival_ns: at_ns, payload }
             }
-            What::Connected(to) => {
+            SourceEvent::Connected(to) => {
                 self.sources.with(source.into(), |status| {
                     status.state = SourceState::Waiting;
                     status.last_ns = at_ns;
                 });
                 Entry::text(Kind::Connected, source, at_ns, &serde_json::to_string(&to).unwrap_or(to.to))
             }
-            What::Lost(why) => {
+            SourceEvent::Lost(why) => {
                 self.sources.with(source.into(), |status| {
                     status.state = SourceState::Lost;
                     status.why.clone_from(&why);
                 });
                 Entry::text(Kind::Lost, source, at_ns, &why)
             }
-            What::Ended => {
+            SourceEvent::Ended => {
                 self.sources.with(source.into(), |status| status.state = SourceState::Ended);
                 Entry::text(Kind::Ended, source, at_ns, "")
             }

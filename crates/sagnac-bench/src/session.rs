@@ -11,7 +11,7 @@ use sagnac_log::{Error, Result};
 use crate::decode::Decoder;
 use crate::journal::{Entry, JournalReader, JournalWriter, Kind};
 use crate::record::{Published, QUEUE, Recorder, SourceStatus, Sources, no_thread};
-use crate::source::{Address, ArrivalClock, GoOn, Instrument, Out, Place, Stop, spawn_poll, spawn_stream};
+use crate::source::{Address, ArrivalClock, BytePlace, GoOn, Instrument, Out, Stop, spawn_poll, spawn_stream};
 use crate::start::Start;
 
 /// A source is silent after so long by default, s, and after so many rows or questions.
@@ -178,7 +178,7 @@ fn before(journal: &Path) -> Result<Before> {
     let mut reader = JournalReader::open(journal)?;
     let first = reader.next_block(u64::MAX)?.unwrap_or_default();
     let start = Start::of(&first).map_err(|e| e.file(journal.display().to_string()))?;
-    let (mut newest_ns, mut place, mut go_on) = (start.started_ns, Place::default(), GoOn::default());
+    let (mut newest_ns, mut place, mut go_on) = (start.started_ns, BytePlace::default(), GoOn::default());
     let mut entries = first;
     loop {
         for entry in &entries {

@@ -2,7 +2,7 @@
 //!
 //! `cargo run --example noise_budget`
 
-use sagnac_noise::{TauError, Taus, Term, TermValue, budget_of_angles};
+use sagnac_noise::{AllanTerm, TauError, Taus, TermValue, budget_of_angles};
 
 fn main() -> Result<(), TauError> {
     // 10,000 rows of 1 s. Angle random walk 0.003 °/√h is 0.18 arcsec/√s; counts of 0.5 arcsec.
@@ -22,7 +22,7 @@ fn main() -> Result<(), TauError> {
         })
         .collect();
     let budget = budget_of_angles(&rows, 1.0, &Taus::Octaves)?;
-    for term in Term::ALL {
+    for term in AllanTerm::ALL {
         let (name, unit) = term.name();
         match budget.terms.get(term) {
             TermValue::Found { value, lower, upper } => {
@@ -31,7 +31,7 @@ fn main() -> Result<(), TauError> {
             TermValue::Unresolved { unresolved } => println!("{name}: {unresolved}"),
         }
     }
-    let walk = budget.terms.get(Term::AngleRandomWalk);
+    let walk = budget.terms.get(AllanTerm::AngleRandomWalk);
     assert!(matches!(walk, TermValue::Found { lower: Some(lo), upper: Some(hi), .. } if (*lo..*hi).contains(&0.003)));
     Ok(())
 }

@@ -6,7 +6,7 @@
 use crate::budget::{AxisBudget, CurvePoint, Model, TermValue, Terms, interval};
 use crate::difference::Deviation;
 use crate::freedom::Stretches;
-use crate::terms::{Point, Term, fit_terms};
+use crate::terms::{AllanTerm, Point, fit_terms};
 
 /// Smallest ratio of neighbouring τ in the fit.
 const APART: f64 = 1.4;
@@ -108,12 +108,12 @@ fn known_length(curve: &BareCurve, record_s: f64) -> AxisBudget {
 fn of_unknown_length(curve: &BareCurve) -> AxisBudget {
     let point = |(tau_s, adev): &(f64, f64)| Point { tau_s: *tau_s, variance: adev * adev, edf: 1.0 };
     let points: Vec<Point> = curve.points.iter().map(point).collect();
-    let fitted = fit_terms(&points, &Term::ALL).filter(|_| points.len() > 1);
+    let fitted = fit_terms(&points, &AllanTerm::ALL).filter(|_| points.len() > 1);
     let terms = fitted.as_ref().map_or_else(
         || Terms::none("a single τ has no slope"),
         |fitted| {
             // A term of the size of rounding errors counts as zero.
-            let part = |term: Term, p: &Point| fitted.coefficient(term) * term.variance(p.tau_s) / p.variance;
+            let part = |term: AllanTerm, p: &Point| fitted.coefficient(term) * term.variance(p.tau_s) / p.variance;
             Terms::from_each(|term| match points.iter().map(|p| part(term, p)).fold(0.0, f64::max) {
                 ..NO_PART => TermValue::Unresolved { unresolved: "the other terms explain the whole curve".to_owned() },
                 _ => TermValue::Found { value: term.in_its_unit(fitted.root(term)), lower: None, upper: None },

@@ -22,7 +22,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::freedom::Record;
-use crate::terms::{FittedTerms, Point, Term, deviance, fit_terms, fit_terms_beside, least_deviance};
+use crate::terms::{AllanTerm, FittedTerms, Point, deviance, fit_terms, fit_terms_beside, least_deviance};
 
 /// Curves drawn.
 const DRAWS: usize = 400;
@@ -65,10 +65,10 @@ pub(crate) enum Spread {
 
 /// The estimates of all terms.
 pub(crate) struct Estimates {
-    /// In the order of [`Term::ALL`].
+    /// In the order of [`AllanTerm::ALL`].
     pub(crate) spreads: Vec<Spread>,
     /// Terms that are not distinguished from zero although the curve needs one of them: it does not determine which.
-    pub(crate) traded: Vec<Term>,
+    pub(crate) traded: Vec<AllanTerm>,
 }
 
 /// Uncertainty of the terms, given a record and its curve. Each point may have additional scatter of its own, of
@@ -93,16 +93,16 @@ impl TermUncertainty<'_> {
 
     pub(crate) fn of_terms(&self, fitted: &FittedTerms) -> Estimates {
         let (curves, profile) = self.under(fitted);
-        let mut thresholds = thresholds(&curves, fitted, &Term::ALL, DRAWS);
+        let mut thresholds = thresholds(&curves, fitted, &AllanTerm::ALL, DRAWS);
         let resolved = of_resolved(&profile.spreads(fitted, &thresholds));
         // Where a term is not distinguished from zero, zero may be the truth; near that limit the others scatter more.
-        let without = fit_terms(&profile.points, &resolved).filter(|_| resolved.len() < Term::ALL.len());
+        let without = fit_terms(&profile.points, &resolved).filter(|_| resolved.len() < AllanTerm::ALL.len());
         if let Some(without) = &without {
-            let beside = self::thresholds(&self.under(without).0, without, &Term::ALL, DRAWS);
+            let beside = self::thresholds(&self.under(without).0, without, &AllanTerm::ALL, DRAWS);
             thresholds.iter_mut().zip(beside).for_each(|(mine, theirs)| *mine = mine.max(theirs));
         }
         let mut spreads = profile.spreads(fitted, &thresholds);
-        for (term, spread) in Term::ALL.into_iter().zip(&mut spreads) {
+        for (term, spread) in AllanTerm::ALL.into_iter().zip(&mut spreads) {
             if let Spread::Unresolved { at_most } = spread {
                 *at_most = self.bound(term, *at_most, fitted.coefficient(term));
             }
@@ -113,7 +113,7 @@ impl TermUncertainty<'_> {
 
     /// The largest value of a term that fits. The term itself causes long correlations and few degrees of freedom, so threshold
     /// and profile are computed at the bound, until it converges.
-    fn bound(&self, term: Term, mut at_most: f64, fitted: f64) -> f64 {
+    fn bound(&self, term: AllanTerm, mut at_most: f64, fitted: f64) -> f64 {
         for _ in 0..BOUND_ROUNDS {
             let there = fit_terms_beside(self.measured, term, at_most.powi(2));
             let (curves, profile) = self.under(&there);
@@ -130,43 +130,44 @@ impl TermUncertainty<'_> {
 }
 
 /// The terms that have an interval.
-fn of_resolved(spreads: &[Spread]) -> Vec<Term> {
-    let all = Term::ALL.into_iter().zip(spreads);
+fn of_resolved(spreads: &[Spread]) -> Vec<AllanTerm> {
+    let all = AllanTerm::ALL.into_iter().zip(spreads);
     all.filter(|(_, spread)| matches!(spread, Spread::Interval { .. })).map(|(term, _)| term).collect()
 }
 
 /// Unresolved terms of which any one, added to the resolved ones, explains the curve when the resolved ones alone do not.
-fn traded(profile: &Profile, spreads: &[Spread], thresholds: &[f64]) -> Vec<Term> {
+fn traded(profile: &Profile, spreads: &[Spread], thresholds: &[f64]) -> Vec<AllanTerm> {
     let resolved = of_resolved(spreads);
-    let excess = |terms: &[Term]| {
+    let excess = |terms: &[AllanTerm]| {
         fit_terms(&profile.points, terms).map_or(f64::INFINITY, |f| deviance(&profile.points, &f)) - profile.least
     };
     let highest = thresholds.iter().fold(0.0_f64, |most, threshold| most.max(*threshold));
     if resolved.is_empty() || excess(&resolved) <= highest {
         return Vec::new();
     }
-    let explains = |term: &Term| excess(&[&resolved[..], &[*term]].concat()) <= highest;
-    let able: Vec<Term> = Term::ALL.into_iter().filter(|term| !resolved.contains(term)).filter(explains).collect();
+    let explains = |term: &AllanTerm| excess(&[&resolved[..], &[*term]].concat()) <= highest;
+    let able: Vec<AllanTerm> =
+        AllanTerm::ALL.into_iter().filter(|term| !resolved.contains(term)).filter(explains).collect();
     if able.len() > 1 { able } else { Vec::new() }
 }
 
 /// Threshold of each term for D at the truth minus the least D; never less than for one normal value, so that solver
 /// tolerance never sets it.
-fn thresholds(curves: &Curves, truth: &FittedTerms, terms: &[Term], draws: usize) -> Vec<f64> {
+fn thresholds(curves: &Curves, truth: &FittedTerms, terms: &[AllanTerm], draws: usize) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
     let drawn: Vec<Vec<Point>> = (0..draws).map(|_| curves.draw(&mut rng)).collect();
     let apart: Vec<Vec<f64>> = drawn
         .par_iter()
         .map(|points| {
             let least = least_deviance(points);
-            let of = |term: &Term| {
+            let of = |term: &AllanTerm| {
                 let beside = fit_terms_beside(points, *term, truth.coefficient(*term));
                 (deviance(points, &beside) - least).max(0.0)
             };
             terms.iter().map(of).collect()
         })
         .collect();
-    let threshold = |(place, term): (usize, &Term)| {
+    let threshold = |(place, term): (usize, &AllanTerm)| {
         let mut apart: Vec<f64> = apart.iter().map(|of_draw| of_draw[place]).collect();
         apart.sort_by(f64::total_cmp);
         let beyond = if truth.coefficient(*term) > 0.0 { BEYOND } else { BEYOND_AT_ZERO };
@@ -185,7 +186,7 @@ struct Profile {
 
 impl Profile {
     fn spreads(&self, fitted: &FittedTerms, thresholds: &[f64]) -> Vec<Spread> {
-        let spread = |(term, threshold): (Term, &f64)| {
+        let spread = |(term, threshold): (AllanTerm, &f64)| {
             let value = fitted.coefficient(term);
             let upper = self.upper(term, value, *threshold).sqrt();
             match self.lower(term, value, *threshold).sqrt() {
@@ -193,15 +194,15 @@ impl Profile {
                 _ => Spread::Unresolved { at_most: upper },
             }
         };
-        Term::ALL.into_iter().zip(thresholds).map(spread).collect()
+        AllanTerm::ALL.into_iter().zip(thresholds).map(spread).collect()
     }
 
-    fn fits(&self, term: Term, value: f64, threshold: f64) -> bool {
+    fn fits(&self, term: AllanTerm, value: f64, threshold: f64) -> bool {
         deviance(&self.points, &fit_terms_beside(&self.points, term, value)) - self.least <= threshold
     }
 
     /// The smallest value that fits; 0 if the curve also fits without the term.
-    fn lower(&self, term: Term, value: f64, threshold: f64) -> f64 {
+    fn lower(&self, term: AllanTerm, value: f64, threshold: f64) -> f64 {
         if value <= 0.0 || self.fits(term, 0.0, threshold) {
             return 0.0;
         }
@@ -209,7 +210,7 @@ impl Profile {
     }
 
     /// The largest value that fits; infinite if no value is too large.
-    fn upper(&self, term: Term, value: f64, threshold: f64) -> f64 {
+    fn upper(&self, term: AllanTerm, value: f64, threshold: f64) -> f64 {
         // Without a value the search starts at the term that by itself explains the lowest point of the curve.
         let reach = |p: &Point| p.variance / term.variance(p.tau_s);
         let alone = self.points.iter().map(reach).fold(f64::INFINITY, f64::min);
@@ -225,7 +226,7 @@ impl Profile {
     }
 
     /// The limit between a value that fits and one that does not, to one part in a million.
-    fn border(&self, term: Term, threshold: f64, mut inside: f64, mut outside: f64) -> f64 {
+    fn border(&self, term: AllanTerm, threshold: f64, mut inside: f64, mut outside: f64) -> f64 {
         for _ in 0..HALVINGS {
             let middle = f64::midpoint(inside, outside);
             if self.fits(term, middle, threshold) {

@@ -8,10 +8,10 @@ use crate::difference::{Deviation, Difference};
 use crate::freedom::{Record, Stretches};
 use crate::pyramid::FULL_OVERLAP;
 use crate::recorder::{Recorded, Recorder};
-use crate::screen::{Disturbed, Place, Screened};
+use crate::screen::{Disturbed, RowPlace, Screened};
 use crate::slope::{Slope, slope_of};
 use crate::taus::{LONGEST_PART, TauError, Taus};
-use crate::terms::{FittedTerms, Point, Term, fit_terms};
+use crate::terms::{AllanTerm, FittedTerms, Point, fit_terms};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 use sagnac_units::format::significant;
 
@@ -98,14 +98,14 @@ pub struct Terms {
 }
 
 impl Terms {
-    /// In the order of [`Term::ALL`].
-    pub fn get(&self, term: Term) -> &TermValue {
+    /// In the order of [`AllanTerm::ALL`].
+    pub fn get(&self, term: AllanTerm) -> &TermValue {
         match term {
-            Term::Quantization => &self.q_arcsec,
-            Term::AngleRandomWalk => &self.n_deg_rt_h,
-            Term::BiasInstability => &self.b_dph,
-            Term::RateRandomWalk => &self.k_dph_rt_h,
-            Term::RateRamp => &self.r_dph_h,
+            AllanTerm::Quantization => &self.q_arcsec,
+            AllanTerm::AngleRandomWalk => &self.n_deg_rt_h,
+            AllanTerm::BiasInstability => &self.b_dph,
+            AllanTerm::RateRandomWalk => &self.k_dph_rt_h,
+            AllanTerm::RateRamp => &self.r_dph_h,
         }
     }
 
@@ -114,18 +114,18 @@ impl Terms {
         Self::from_each(|_| TermValue::Unresolved { unresolved: why.to_owned() })
     }
 
-    pub(crate) fn from_each(mut value: impl FnMut(Term) -> TermValue) -> Self {
+    pub(crate) fn from_each(mut value: impl FnMut(AllanTerm) -> TermValue) -> Self {
         Self {
-            q_arcsec: value(Term::Quantization),
-            n_deg_rt_h: value(Term::AngleRandomWalk),
-            b_dph: value(Term::BiasInstability),
-            k_dph_rt_h: value(Term::RateRandomWalk),
-            r_dph_h: value(Term::RateRamp),
+            q_arcsec: value(AllanTerm::Quantization),
+            n_deg_rt_h: value(AllanTerm::AngleRandomWalk),
+            b_dph: value(AllanTerm::BiasInstability),
+            k_dph_rt_h: value(AllanTerm::RateRandomWalk),
+            r_dph_h: value(AllanTerm::RateRamp),
         }
     }
 }
 
-impl Term {
+impl AllanTerm {
     /// Letter and unit of the field.
     pub fn name(self) -> (&'static str, &'static str) {
         match self {
@@ -279,7 +279,7 @@ pub fn budget_of_screened(
     tau0_s: f64,
     arcsec: f64,
     asked: impl Fn(usize) -> bool,
-    place: impl Fn(Place) -> String,
+    place: impl Fn(RowPlace) -> String,
 ) -> AxisBudget {
     let mut used = budget(axis, &screened.used, tau0_s, arcsec, asked);
     used.disturbed = screened.other.as_ref().map(|other| {
@@ -312,14 +312,14 @@ impl<'a> Model<'a> {
         let multiples: Vec<f64> = points.iter().map(|(m, ..)| *m).collect();
         let point = |(m, variance, edf): &(f64, f64, f64)| Point { tau_s: m * tau0_s, variance: *variance, edf: *edf };
         let mut fit: Vec<Point> = points.iter().map(point).collect();
-        let fitted = fit_terms(&fit, &Term::ALL);
+        let fitted = fit_terms(&fit, &AllanTerm::ALL);
         let (scatter_edf, points) = (f64::INFINITY, Vec::new());
         let mut model = Self { fitted, scatter_edf, multiples, points, tau0_s, stretches };
         for _ in 0..ROUNDS {
             for (point, m) in fit.iter_mut().zip(&model.multiples) {
                 point.edf = model.edf(Deviation::Allan, *m).unwrap_or(point.edf);
             }
-            model.fitted = fit_terms(&fit, &Term::ALL);
+            model.fitted = fit_terms(&fit, &AllanTerm::ALL);
         }
         model.explain_misfit(&fit);
         model.points = fit;
@@ -329,11 +329,11 @@ impl<'a> Model<'a> {
     /// Where the points lie too far from the model, finds the scatter that explains the misfit and fits again with it. Signals
     /// other than the five terms (dither, a period, a step) must not get weights as if they were known to a percent.
     fn explain_misfit(&mut self, points: &[Point]) {
-        let freedom = points.len().saturating_sub(Term::ALL.len()).max(1) as f64;
+        let freedom = points.len().saturating_sub(AllanTerm::ALL.len()).max(1) as f64;
         let with = |scatter_edf: f64| -> Option<(f64, FittedTerms)> {
             let spread: Vec<Point> =
                 points.iter().map(|p| Point { edf: (1.0 / p.edf + 1.0 / scatter_edf).recip(), ..*p }).collect();
-            let fitted = fit_terms(&spread, &Term::ALL)?;
+            let fitted = fit_terms(&spread, &AllanTerm::ALL)?;
             let away = |p: &Point| p.edf / 2.0 * (p.variance / fitted.variance(p.tau_s) - 1.0).powi(2);
             Some((spread.iter().map(away).sum::<f64>() / freedom, fitted))
         };
@@ -403,13 +403,13 @@ impl<'a> Model<'a> {
     }
 
     /// The largest root of a term that the upper ends of the curve allow: no term is more than the curve.
-    fn most_by_the_curve(&self, term: Term) -> f64 {
+    fn most_by_the_curve(&self, term: AllanTerm) -> f64 {
         let upper = |p: &Point| interval(p.variance, Some(p.edf))[1].map(|end| end / term.variance(p.tau_s).sqrt());
         self.points.iter().filter_map(upper).fold(f64::INFINITY, f64::min)
     }
 
     /// Why a term that has an interval is none, where the five terms do not describe the curve.
-    fn not_shown(&self, term: Term, fitted: &FittedTerms) -> Option<String> {
+    fn not_shown(&self, term: AllanTerm, fitted: &FittedTerms) -> Option<String> {
         let spread = |p: &Point| Point { edf: (1.0 / p.edf + 1.0 / self.scatter_edf).recip(), ..*p };
         let points: Vec<Point> = self.points.iter().map(spread).collect();
         let slope = if self.misfit().is_some() { slope_of(term, fitted, &points) } else { Slope::Shown };
@@ -435,7 +435,7 @@ impl<'a> Model<'a> {
     }
 }
 
-fn not_resolvable(term: Term, longest_s: f64, at_most: f64, traded: &[Term]) -> String {
+fn not_resolvable(term: AllanTerm, longest_s: f64, at_most: f64, traded: &[AllanTerm]) -> String {
     let (_, unit) = term.name();
     let bound = match at_most {
         bound if bound.is_finite() => format!(": at most {} {unit}", significant(bound, 2)),

@@ -24,7 +24,7 @@ const TAILS_APART: f64 = 3.29;
 const LANES: usize = 4;
 
 /// Median and scale of rows.
-pub(crate) struct Level {
+pub(crate) struct RowLevel {
     low: f64,
     pub(crate) median: f64,
     high: f64,
@@ -32,7 +32,7 @@ pub(crate) struct Level {
     pub(crate) far: f64,
 }
 
-impl Level {
+impl RowLevel {
     /// `None` for too few rows, and for rows that are all alike.
     pub(crate) fn of(mut rows: Vec<f64>) -> Option<Self> {
         if rows.len() < FEWEST {
@@ -96,7 +96,7 @@ impl Bounds {
     /// Share of the threshold that is used: rounding is far less.
     const SHARE: f64 = 0.999;
 
-    pub(crate) fn about(level: &Level) -> Self {
+    pub(crate) fn about(level: &RowLevel) -> Self {
         let margin = Self::MARGIN * (level.high - level.low);
         Self {
             tails: [level.low + margin, level.high - margin],
@@ -104,7 +104,7 @@ impl Bounds {
         }
     }
 
-    /// `Some` if none of these rows can be disturbed by [`Level`], with what was seen before them: what was seen in the last `keep` of
+    /// `Some` if none of these rows can be disturbed by [`RowLevel`], with what was seen before them: what was seen in the last `keep` of
     /// them, for the rows that follow.
     pub(crate) fn hold(&self, before: Seen, rows: &[f64], keep: usize) -> Option<Seen> {
         let (early, late) = rows.split_at(rows.len().saturating_sub(keep));

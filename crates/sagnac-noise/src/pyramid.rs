@@ -16,7 +16,7 @@ pub const FULL_OVERLAP: usize = 512;
 #[derive(Clone, Debug)]
 pub(crate) struct Pyramid {
     sums: Vec<SquareSum>,
-    levels: Vec<Level>,
+    levels: Vec<PyramidLevel>,
     /// Phases of this stretch so far.
     phases: u64,
     /// Those of a level on their way to it.
@@ -24,7 +24,7 @@ pub(crate) struct Pyramid {
 }
 
 #[derive(Clone, Debug)]
-struct Level {
+struct PyramidLevel {
     running: Running,
     /// Where its sums belong in `wanted`.
     places: Vec<usize>,
@@ -48,7 +48,7 @@ impl Pyramid {
         let level = |number: u32| {
             let places: Vec<usize> = (0..wanted.len()).filter(|i| level_of(wanted[*i].m) == number).collect();
             let here = places.iter().map(|i| Difference { m: wanted[*i].m >> number, ..wanted[*i] });
-            Level { running: Running::new(here.collect()), places }
+            PyramidLevel { running: Running::new(here.collect()), places }
         };
         let levels = (0..=highest).map(level).collect();
         Self { sums: vec![SquareSum::default(); wanted.len()], levels, phases: 0, thinned: Vec::new() }

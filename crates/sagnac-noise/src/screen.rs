@@ -20,7 +20,7 @@
 
 use crate::difference::Difference;
 use crate::freedom::NEAREST;
-use crate::level::{Bounds, Level, Seen};
+use crate::level::{Bounds, RowLevel, Seen};
 use crate::recorder::{Recorded, Recorder};
 
 /// Rows per block; a block is screened at once.
@@ -44,7 +44,7 @@ pub const MOST_DISTURBED_PART: f64 = 0.005;
 
 /// Where a row comes from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Place {
+pub struct RowPlace {
     /// Number of the log, from 0.
     pub log: u32,
     /// Line in the log.
@@ -55,7 +55,7 @@ pub struct Place {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disturbed {
     /// Where it is.
-    pub place: Place,
+    pub place: RowPlace,
     /// Its angle minus the median of those around it, in their unit.
     pub away: f64,
 }
@@ -63,8 +63,8 @@ pub struct Disturbed {
 /// Input of the screen, in order.
 #[derive(Clone, Copy)]
 enum Piece {
-    Row { angle: f64, place: Place },
-    Wide { intervals: u64, angle: f64, place: Place },
+    Row { angle: f64, place: RowPlace },
+    Wide { intervals: u64, angle: f64, place: RowPlace },
     Lost { intervals: u64 },
     End,
 }
@@ -131,7 +131,7 @@ impl Screen {
     }
 
     /// The next rows of the stretch, the first of them at `place_of(0)`.
-    pub fn rows(&mut self, angles: &[f64], place_of: impl Fn(usize) -> Place) {
+    pub fn rows(&mut self, angles: &[f64], place_of: impl Fn(usize) -> RowPlace) {
         let mut at = 0;
         while at < angles.len() {
             let undisturbed = &angles[at..self.end_of_undisturbed(angles, at)];
@@ -166,12 +166,12 @@ impl Screen {
     }
 
     /// The next row of the stretch.
-    pub fn row(&mut self, angle: f64, place: Place) {
+    pub fn row(&mut self, angle: f64, place: RowPlace) {
         self.push(Piece::Row { angle, place });
     }
 
     /// A row of several intervals: a running total with missing rows in between.
-    pub fn wide(&mut self, intervals: u64, angle: f64, place: Place) {
+    pub fn wide(&mut self, intervals: u64, angle: f64, place: RowPlace) {
         self.push(if intervals > 1 { Piece::Wide { intervals, angle, place } } else { Piece::Row { angle, place } });
     }
 
@@ -227,7 +227,7 @@ impl Screen {
             _ => None,
         });
         let rows: Vec<f64> = rows.collect();
-        let level = Level::of(self.context.iter().chain(&rows).copied().collect());
+        let level = RowLevel::of(self.context.iter().chain(&rows).copied().collect());
         (self.bounds, self.seen) = (level.as_ref().map(Bounds::about), None);
         let away = |piece: &Piece| level.as_ref().and_then(|level| level.away(piece));
         let found: Vec<Option<Disturbed>> = self.pieces.iter().map(away).collect();
@@ -320,7 +320,7 @@ fn fill(recorder: &mut Recorder, rows: u64, mean: Option<f64>) {
     }
 }
 
-impl Level {
+impl RowLevel {
     /// The row as disturbed, if it is too far from the median.
     fn away(&self, piece: &Piece) -> Option<Disturbed> {
         let (angle, intervals, place) = match *piece {
@@ -399,7 +399,7 @@ mod tests {
     }
 
     fn push(screen: &mut Screen, angles: impl IntoIterator<Item = f64>) {
-        angles.into_iter().enumerate().for_each(|(at, angle)| screen.row(angle, Place { log: 0, line: at as u64 }));
+        angles.into_iter().enumerate().for_each(|(at, angle)| screen.row(angle, RowPlace { log: 0, line: at as u64 }));
     }
 
     /// No row of plain noise is found disturbed: 2 million rows for each ratio of count to σ.
@@ -480,7 +480,7 @@ mod tests {
                     if step > 0.0 { (angle / step).round() * step } else { angle }
                 })
                 .collect();
-            let place = |at: usize| Place { log: 0, line: at as u64 };
+            let place = |at: usize| RowPlace { log: 0, line: at as u64 };
             let screened = |piece: usize| {
                 let mut screen = screen();
                 for (number, part) in angles.chunks(piece).enumerate() {

@@ -9,7 +9,7 @@
 
 use crate::difference::{Deviation, Difference, Running};
 use crate::freedom::edf_white_fm;
-use crate::terms::{Point, Term, fit_terms};
+use crate::terms::{AllanTerm, Point, fit_terms};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
 /// Points with fewer equivalent degrees of freedom are not used.
@@ -80,9 +80,10 @@ impl ShortTauSums {
         if points.len() < 2 {
             return None;
         }
-        let fitted = fit_terms(&points, &[Term::Quantization, Term::AngleRandomWalk])?;
-        let root = |term: Term| fitted.coefficient(term).sqrt();
-        let terms = NoiseTerms { n_arcsec_rt_s: root(Term::AngleRandomWalk), q_arcsec: root(Term::Quantization) };
+        let fitted = fit_terms(&points, &[AllanTerm::Quantization, AllanTerm::AngleRandomWalk])?;
+        let root = |term: AllanTerm| fitted.coefficient(term).sqrt();
+        let terms =
+            NoiseTerms { n_arcsec_rt_s: root(AllanTerm::AngleRandomWalk), q_arcsec: root(AllanTerm::Quantization) };
         (terms.n_arcsec_rt_s + terms.q_arcsec > 0.0).then_some(terms)
     }
 }

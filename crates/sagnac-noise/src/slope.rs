@@ -10,7 +10,7 @@
 //!
 //! Fails where the disturbance has the term's own slope: no curve tells the two apart.
 
-use crate::terms::{FittedTerms, Point, Term};
+use crate::terms::{AllanTerm, FittedTerms, Point};
 
 /// Standard errors of the slope, 95 %.
 const SIGMAS: f64 = 1.96;
@@ -37,7 +37,7 @@ pub(crate) enum Slope {
 }
 
 /// Judges a term of a model by the points of the curve; their degrees of freedom include what scatter the curve has.
-pub(crate) fn slope_of(term: Term, fitted: &FittedTerms, points: &[Point]) -> Slope {
+pub(crate) fn slope_of(term: AllanTerm, fitted: &FittedTerms, points: &[Point]) -> Slope {
     let share = |p: &Point| fitted.coefficient(term) * term.variance(p.tau_s) / fitted.variance(p.tau_s);
     let dominated: Vec<&Point> = points.iter().filter(|p| p.variance > 0.0 && share(p) >= DOMINANT).collect();
     let (Some(first), Some(last)) = (dominated.first(), dominated.last()) else { return Slope::Nowhere };
@@ -76,13 +76,13 @@ mod tests {
             let taus = (0..16).map(|octave| 0.01 * 2.0_f64.powi(octave));
             taus.map(|tau_s| Point { tau_s, variance: tau_s.powf(power), edf: 20.0 }).collect()
         };
-        let white = fit_terms(&curve(-1.0), &[Term::AngleRandomWalk]).unwrap();
-        assert_eq!(slope_of(Term::AngleRandomWalk, &white, &curve(-1.0)), Slope::Shown);
-        let Slope::Other { found, model, taus_s } = slope_of(Term::AngleRandomWalk, &white, &curve(-1.5)) else {
+        let white = fit_terms(&curve(-1.0), &[AllanTerm::AngleRandomWalk]).unwrap();
+        assert_eq!(slope_of(AllanTerm::AngleRandomWalk, &white, &curve(-1.0)), Slope::Shown);
+        let Slope::Other { found, model, taus_s } = slope_of(AllanTerm::AngleRandomWalk, &white, &curve(-1.5)) else {
             panic!("a slope of −0.75 is none of −0.5")
         };
         assert!((found + 0.75).abs() < 1e-9 && (model + 0.5).abs() < 1e-9, "{found} for {model}");
         assert!((taus_s[0] - 0.01).abs() < 1e-9 && (taus_s[1] - 327.68).abs() < 1e-9, "{taus_s:?}");
-        assert_eq!(slope_of(Term::RateRamp, &white, &curve(-1.0)), Slope::Nowhere);
+        assert_eq!(slope_of(AllanTerm::RateRamp, &white, &curve(-1.0)), Slope::Nowhere);
     }
 }

@@ -25,7 +25,7 @@ const SETTLED_FOR_DEVIANCE: f64 = 1e-5;
 
 /// A term of the noise model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Term {
+pub enum AllanTerm {
     /// Q, arcsec.
     Quantization,
     /// N, arcsec/√s.
@@ -38,7 +38,7 @@ pub enum Term {
     RateRamp,
 }
 
-impl Term {
+impl AllanTerm {
     /// In the order of their slopes.
     pub const ALL: [Self; 5] =
         [Self::Quantization, Self::AngleRandomWalk, Self::BiasInstability, Self::RateRandomWalk, Self::RateRamp];
@@ -72,18 +72,18 @@ pub struct FittedTerms([f64; 5]);
 
 impl FittedTerms {
     /// Q², N², B², K² or R², in arcsec and seconds.
-    pub fn coefficient(&self, term: Term) -> f64 {
+    pub fn coefficient(&self, term: AllanTerm) -> f64 {
         self.0[term as usize]
     }
 
     /// Q, N, B, K or R, in arcsec and seconds.
-    pub fn root(&self, term: Term) -> f64 {
+    pub fn root(&self, term: AllanTerm) -> f64 {
         self.coefficient(term).sqrt()
     }
 
     /// σ²(τ) of the model.
     pub fn variance(&self, tau_s: f64) -> f64 {
-        self.variance_of(&Term::ALL.map(|term| term.variance(tau_s)))
+        self.variance_of(&AllanTerm::ALL.map(|term| term.variance(tau_s)))
     }
 
     /// The same of what a coefficient of 1 of each term adds.
@@ -98,7 +98,7 @@ impl FittedTerms {
 }
 
 /// Fits `terms` to the points; `None` without a usable point or where all of them are zero.
-pub fn fit_terms(points: &[Point], terms: &[Term]) -> Option<FittedTerms> {
+pub fn fit_terms(points: &[Point], terms: &[AllanTerm]) -> Option<FittedTerms> {
     let usable = usable(points);
     if usable.is_empty() || terms.is_empty() {
         return None;
@@ -108,13 +108,13 @@ pub fn fit_terms(points: &[Point], terms: &[Term]) -> Option<FittedTerms> {
 
 /// The least deviance of all five terms.
 pub(crate) fn least_deviance(points: &[Point]) -> f64 {
-    let fitted = settled(&usable(points), &Term::ALL, FittedTerms::default(), SETTLED_FOR_DEVIANCE);
+    let fitted = settled(&usable(points), &AllanTerm::ALL, FittedTerms::default(), SETTLED_FOR_DEVIANCE);
     fitted.map_or(f64::INFINITY, |fitted| deviance(points, &fitted))
 }
 
 /// Fits the other four terms with the coefficient of one fixed.
-pub(crate) fn fit_terms_beside(points: &[Point], held: Term, coefficient: f64) -> FittedTerms {
-    let others: Vec<Term> = Term::ALL.into_iter().filter(|term| *term != held).collect();
+pub(crate) fn fit_terms_beside(points: &[Point], held: AllanTerm, coefficient: f64) -> FittedTerms {
+    let others: Vec<AllanTerm> = AllanTerm::ALL.into_iter().filter(|term| *term != held).collect();
     let mut alone = FittedTerms::default();
     alone.0[held as usize] = coefficient;
     settled(&usable(points), &others, alone, SETTLED_FOR_DEVIANCE).unwrap_or(alone)
@@ -134,7 +134,7 @@ pub(crate) fn deviance(points: &[Point], fitted: &FittedTerms) -> f64 {
 }
 
 /// Re-weighted least squares until convergence; `held` is a fixed part of the model.
-fn settled(points: &[Point], terms: &[Term], held: FittedTerms, enough: f64) -> Option<FittedTerms> {
+fn settled(points: &[Point], terms: &[AllanTerm], held: FittedTerms, enough: f64) -> Option<FittedTerms> {
     let rows: Vec<Row> = points.iter().map(|point| Row::of(point, terms, &held)).collect();
     let mut model: Vec<f64> = rows.iter().map(|row| row.variance.max(row.held)).collect();
     let (mut fitted, mut set) = (held, 0);
@@ -168,8 +168,8 @@ struct Row {
 }
 
 impl Row {
-    fn of(point: &Point, terms: &[Term], held: &FittedTerms) -> Self {
-        let each = Term::ALL.map(|term| term.variance(point.tau_s));
+    fn of(point: &Point, terms: &[AllanTerm], held: &FittedTerms) -> Self {
+        let each = AllanTerm::ALL.map(|term| term.variance(point.tau_s));
         let columns = std::array::from_fn(|i| terms.get(i).map_or(0.0, |term| each[*term as usize]));
         let products = columns.map(|a| columns.map(|b| a * b));
         Self { variance: point.variance, edf: point.edf, held: held.variance_of(&each), each, columns, products }
@@ -180,7 +180,7 @@ impl Row {
 fn best_set(
     rows: &[Row],
     model: &[f64],
-    terms: &[Term],
+    terms: &[AllanTerm],
     held: &FittedTerms,
     likely: u32,
 ) -> Option<(FittedTerms, u32)> {
@@ -276,8 +276,8 @@ mod tests {
     #[test]
     fn a_curve_of_the_model_gives_its_terms() {
         let truth = FittedTerms(WANTED);
-        let fitted = fit_terms(&curve(&truth), &Term::ALL).unwrap();
-        for term in Term::ALL {
+        let fitted = fit_terms(&curve(&truth), &AllanTerm::ALL).unwrap();
+        for term in AllanTerm::ALL {
             let ratio = fitted.coefficient(term) / truth.coefficient(term);
             assert!((ratio - 1.0).abs() < 1e-6, "{term:?}: {ratio}");
         }
@@ -289,16 +289,19 @@ mod tests {
         let truth = FittedTerms([0.25, 0.0324, 0.0, 0.0, 0.0]);
         let mut points = curve(&truth);
         points.iter_mut().skip(8).for_each(|p| p.variance *= 0.9);
-        let fitted = fit_terms(&points, &Term::ALL).unwrap();
-        assert!(Term::ALL.iter().all(|term| fitted.coefficient(*term) >= 0.0));
-        assert_eq!((fitted.coefficient(Term::RateRandomWalk), fitted.coefficient(Term::RateRamp)), (0.0, 0.0));
+        let fitted = fit_terms(&points, &AllanTerm::ALL).unwrap();
+        assert!(AllanTerm::ALL.iter().all(|term| fitted.coefficient(*term) >= 0.0));
+        assert_eq!(
+            (fitted.coefficient(AllanTerm::RateRandomWalk), fitted.coefficient(AllanTerm::RateRamp)),
+            (0.0, 0.0)
+        );
     }
 
     #[test]
     fn no_points_no_terms() {
-        assert_eq!(fit_terms(&[], &Term::ALL), None);
+        assert_eq!(fit_terms(&[], &AllanTerm::ALL), None);
         let silent = Point { tau_s: 1.0, variance: 0.0, edf: 10.0 };
-        assert_eq!(fit_terms(&[silent], &Term::ALL), None);
+        assert_eq!(fit_terms(&[silent], &AllanTerm::ALL), None);
     }
 
     /// What exchange finds is what all sets give: curves of any mixture with scatter, a hundred each for one to five terms.
@@ -323,7 +326,7 @@ mod tests {
             for octave in 0..14 {
                 let tau_s = f64::from(octave).exp2();
                 let columns =
-                    SVector::<f64, 5>::from_fn(|i, _| if i < size { Term::ALL[i].variance(tau_s) } else { 0.0 });
+                    SVector::<f64, 5>::from_fn(|i, _| if i < size { AllanTerm::ALL[i].variance(tau_s) } else { 0.0 });
                 let variance = (truth.variance(tau_s) + 1e-9) * (0.3 + 1.4 * uniform());
                 gram += columns * columns.transpose() / (variance * variance);
                 right += columns / variance;

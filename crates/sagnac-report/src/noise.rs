@@ -4,7 +4,7 @@ use crate::charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 use crate::report::Report;
 use sagnac::allan::NoiseBudget;
 use sagnac_log::error::Result;
-use sagnac_noise::{AxisBudget, CurvePoint, Term, TermValue};
+use sagnac_noise::{AllanTerm, AxisBudget, CurvePoint, TermValue};
 use sagnac_units::format::{file_name, significant};
 
 /// τ that the table lists at most.
@@ -81,7 +81,7 @@ fn all_axes(axes: &[AxisBudget]) -> Chart {
 
 fn notes(budget: &NoiseBudget) -> Vec<String> {
     let mut out: Vec<String> = budget.warnings.iter().map(|warning| format!("Warning: {warning}.")).collect();
-    if budget.axes.iter().any(|axis| matches!(axis.terms.get(Term::BiasInstability), TermValue::Found { .. })) {
+    if budget.axes.iter().any(|axis| matches!(axis.terms.get(AllanTerm::BiasInstability), TermValue::Found { .. })) {
         out.push(MEANING_OF_B.to_owned());
     }
     if budget.detrended {
@@ -134,7 +134,7 @@ pub fn row_notes(axis: &AxisBudget) -> Vec<String> {
     let part = significant(100.0 * disturbed.fraction, 2);
     let named = named.collect::<Vec<_>>().join(", ");
     out.push(format!("{rows} far from those around {them}, {part} % of all: {named}{more}"));
-    let otherwise = Term::ALL.iter().filter_map(|term| {
+    let otherwise = AllanTerm::ALL.iter().filter_map(|term| {
         let value = disturbed.alternative_terms.get(*term);
         let (name, unit) = term.name();
         let letter = name.rsplit(' ').next().unwrap_or_default();
@@ -166,7 +166,7 @@ pub fn term_text(value: &TermValue) -> [String; 2] {
 }
 
 fn terms_table(axis: &AxisBudget) -> PageTable {
-    let rows = Term::ALL.iter().map(|term| {
+    let rows = AllanTerm::ALL.iter().map(|term| {
         let (name, unit) = term.name();
         let [value, interval] = term_text(axis.terms.get(*term));
         let why = match axis.terms.get(*term) {
@@ -208,7 +208,7 @@ fn allan_chart(axis: &AxisBudget) -> Chart {
         ));
         let (lo, hi) =
             shown.iter().fold((f64::INFINITY, 0.0_f64), |(lo, hi), p| (lo.min(p.adev_dph), hi.max(p.adev_dph)));
-        for term in Term::ALL {
+        for term in AllanTerm::ALL {
             if let TermValue::Found { .. } = axis.terms.get(term) {
                 let y = |tau: &f64| fitted.root(term) * term.variance(*tau).sqrt();
                 // A slope is drawn over the range of the curve only.
@@ -218,7 +218,7 @@ fn allan_chart(axis: &AxisBudget) -> Chart {
             }
         }
     }
-    let found: Vec<String> = Term::ALL
+    let found: Vec<String> = AllanTerm::ALL
         .iter()
         .filter_map(|term| match axis.terms.get(*term) {
             TermValue::Found { value, .. } => {

@@ -27,7 +27,7 @@ const INK: RGBColor = RGBColor(60, 64, 72);
 const GRID: RGBColor = RGBColor(222, 225, 230);
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+type PlotContext<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 type Drawn = Result<(), DrawingAreaErrorKind<std::io::Error>>;
 
 fn colour(role: Role) -> RGBColor {
@@ -97,7 +97,7 @@ fn draw_on(area: &Area<'_>, figure: &Figure) -> Result<String, DrawingAreaErrorK
     Ok(marks)
 }
 
-fn draw_mesh(chart: &mut Chart<'_, '_>, figure: &Figure) -> Drawn {
+fn draw_mesh(chart: &mut PlotContext<'_, '_>, figure: &Figure) -> Drawn {
     let decades = figure.decades;
     let text = |[lo, hi]: [f64; 2]| {
         let decimals = (2.0 - (hi - lo).log10().floor()).clamp(0.0, 9.0) as usize;
@@ -136,7 +136,7 @@ fn power_of_ten(power: f64) -> String {
     }
 }
 
-fn draw_layer(chart: &mut Chart<'_, '_>, figure: &Figure, layer: &Layer, marks: &mut String) -> Drawn {
+fn draw_layer(chart: &mut PlotContext<'_, '_>, figure: &Figure, layer: &Layer, marks: &mut String) -> Drawn {
     let clip = |y: f64| y.clamp(figure.y[0], figure.y[1]);
     match layer {
         Layer::Dots { role, x, y, .. } => {

@@ -246,7 +246,7 @@ fn a_standing_vehicle_has_deviations_and_no_random_walk() {
             let most = if *m <= 1000 { 0.03 } else { 0.2 };
             assert!((point.adev_dph / adev - 1.0).abs() < most, "{letter} {m}: {} for {adev}", point.adev_dph);
         }
-        for term in sagnac_noise::Term::ALL {
+        for term in sagnac_noise::AllanTerm::ALL {
             let TermValue::Unresolved { unresolved } = budget.terms.get(term) else {
                 panic!("{letter} {term:?}: {:?}", budget.terms.get(term))
             };

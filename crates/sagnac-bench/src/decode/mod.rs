@@ -27,7 +27,7 @@ use crate::decode::frames::Frames;
 use crate::decode::rows_made::{Polled, Rows};
 use crate::decode::text::Text;
 use crate::journal::{Entry, Kind};
-use crate::source::{Connection, Place};
+use crate::source::{BytePlace, Connection};
 use crate::start::Start;
 
 enum Format {
@@ -40,7 +40,7 @@ pub struct Decoder {
     format: Format,
     rows: Rows,
     names: Vec<String>,
-    place: Place,
+    place: BytePlace,
     /// A replay has the clock of its log, which is none beside the computer's.
     has_clock: bool,
 }
@@ -61,7 +61,7 @@ impl Decoder {
             LiveFormat::Frames => Format::Frames(Box::new(Frames::new(setup, &mut rows)?)),
         };
         let has_clock = setup.bench.source.as_deref().is_none_or(|source| !source.starts_with("replay:"));
-        Ok(Self { format, rows, has_clock, names: start.sources.clone(), place: Place::default() })
+        Ok(Self { format, rows, has_clock, names: start.sources.clone(), place: BytePlace::default() })
     }
 
     /// The next entry.

@@ -33,7 +33,7 @@ use sagnac_log::threads::spawn;
 use sagnac_units::s_from_ns;
 use serde::Serialize;
 
-pub use study::{CurveAt, Deviation, Residual, Study, StudyAxis};
+pub use study::{CurveAt, DeviationAt, ResidualAt, Study, StudyAxis};
 pub use trend::TrendPoint;
 pub use warnings::{Warning, WarningKind};
 

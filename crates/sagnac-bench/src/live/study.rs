@@ -24,7 +24,7 @@ const MOST_POINTS: usize = 2000;
 
 /// A window as it is shown.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Residual {
+pub struct ResidualAt {
     /// Middle of the window, h since the first row.
     pub hours: f64,
     /// Mean temperature, °C.
@@ -62,12 +62,12 @@ pub struct StudyAxis {
     /// The curve with its uncertainty.
     pub curve: Vec<CurveAt>,
     /// Windows.
-    pub residuals: Vec<Residual>,
+    pub residuals: Vec<ResidualAt>,
 }
 
 /// A deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Deviation {
+pub struct DeviationAt {
     /// τ, s.
     pub tau_s: f64,
     /// Overlapping Allan deviation, °/h.
@@ -86,7 +86,7 @@ pub struct Study {
     /// Whether the test has told enough; `None` where no limits are asked.
     pub enough: Option<Enough>,
     /// Letter and Allan deviations of each axis, drift over temperature included.
-    pub allan: Vec<(char, Vec<Deviation>)>,
+    pub allan: Vec<(char, Vec<DeviationAt>)>,
     /// It has told enough for half an hour of the record without a break, and a search for the model confirms it.
     pub confirmed: bool,
 }
@@ -156,7 +156,7 @@ fn found_model(calibration: &Calibration) -> Option<Model> {
     first.parse().ok()
 }
 
-fn study_axis(axis: &AxisCalibration, residuals: Vec<Residual>) -> StudyAxis {
+fn study_axis(axis: &AxisCalibration, residuals: Vec<ResidualAt>) -> StudyAxis {
     let [lo, hi] = axis.span_c();
     let at = |i: usize| lo + (hi - lo) * i as f64 / (CURVE - 1) as f64;
     let curve = (0..CURVE).filter_map(|i| {
@@ -174,21 +174,21 @@ fn study_axis(axis: &AxisCalibration, residuals: Vec<Residual>) -> StudyAxis {
     }
 }
 
-fn residuals(points: &[sagnac::diagnostics::WindowPoint]) -> Vec<Residual> {
+fn residuals(points: &[sagnac::diagnostics::WindowPoint]) -> Vec<ResidualAt> {
     let known =
         |point: &&sagnac::diagnostics::WindowPoint| point.after_dph.is_finite() && point.temperature_c.is_finite();
-    let all = points.iter().filter(known).map(|point| Residual {
+    let all = points.iter().filter(known).map(|point| ResidualAt {
         hours: point.hours,
         temperature_c: point.temperature_c,
         before_dph: point.before_dph,
         after_dph: point.after_dph,
     });
-    let all: Vec<Residual> = all.collect();
+    let all: Vec<ResidualAt> = all.collect();
     let every = all.len().div_ceil(MOST_POINTS).max(1);
     all.into_iter().step_by(every).collect()
 }
 
-fn deviations(noise: &NoiseBudget) -> Vec<(char, Vec<Deviation>)> {
-    let of = |point: &sagnac_noise::CurvePoint| Deviation { tau_s: point.tau_s, adev_dph: point.adev_dph };
+fn deviations(noise: &NoiseBudget) -> Vec<(char, Vec<DeviationAt>)> {
+    let of = |point: &sagnac_noise::CurvePoint| DeviationAt { tau_s: point.tau_s, adev_dph: point.adev_dph };
     noise.axes.iter().map(|axis| (axis.axis, axis.curve.iter().map(of).collect())).collect()
 }

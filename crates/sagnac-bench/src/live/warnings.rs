@@ -112,7 +112,7 @@ pub(crate) struct Watch {
 }
 
 /// A rule's finding.
-type Found = (WarningKind, String, String);
+type Finding = (WarningKind, String, String);
 
 impl Watch {
     pub(crate) fn new(columns: Columns, window_s: f64) -> Self {
@@ -137,7 +137,7 @@ impl Watch {
         if self.history.len() > HISTORY {
             self.history.pop_front();
         }
-        let mut found: Vec<Found> = Vec::new();
+        let mut found: Vec<Finding> = Vec::new();
         self.thermometers(&mut found);
         self.rows(&mut found);
         self.counts(&mut found);
@@ -160,7 +160,7 @@ impl Watch {
     }
 
     /// Begins what is new and ends what is over.
-    fn keep(&mut self, found: Vec<Found>, now_s: f64) {
+    fn keep(&mut self, found: Vec<Finding>, now_s: f64) {
         let holds =
             |warning: &Warning| found.iter().any(|(kind, place, _)| *kind == warning.kind && *place == warning.place);
         for warning in self.warnings.iter_mut().filter(|warning| warning.until_s.is_none()) {
@@ -186,7 +186,7 @@ impl Watch {
         Some(self.history.iter().skip(from).collect())
     }
 
-    fn thermometers(&mut self, found: &mut Vec<Found>) {
+    fn thermometers(&mut self, found: &mut Vec<Finding>) {
         let names: Vec<String> = self.columns.thermometers.iter().map(|t| t.name.clone()).collect();
         // A chamber that is regulated well stands still in a soak.
         let own = |at: &usize| !self.columns.thermometers[*at].is_of_instrument;
@@ -274,7 +274,7 @@ impl Watch {
         (before >= LIVELY && rate > 0.2).then(|| ", in the middle of a ramp".to_owned())
     }
 
-    fn rows(&self, found: &mut Vec<Found>) {
+    fn rows(&self, found: &mut Vec<Finding>) {
         let Some(last) = self.last(LASTS) else { return };
         let part = |minute: &Minute| f64::from(minute.lost) / f64::from((minute.rows + minute.lost).max(1));
         if last.iter().all(|minute| part(minute) > MISSING) {
@@ -294,7 +294,7 @@ impl Watch {
         }
     }
 
-    fn counts(&mut self, found: &mut Vec<Found>) {
+    fn counts(&mut self, found: &mut Vec<Finding>) {
         for at in 0..self.columns.axes.len() {
             let letter = self.columns.axes[at].letter;
             let Some(newest) = self.history.back().map(|minute| minute.axes[at]) else { return };
@@ -338,7 +338,7 @@ impl Watch {
         median(before.map(|minute| minute.axes[at].steps.largest.abs()).collect()).unwrap_or(f64::INFINITY)
     }
 
-    fn vibration(&mut self, found: &mut Vec<Found>) {
+    fn vibration(&mut self, found: &mut Vec<Finding>) {
         for at in 0..self.columns.axes.len() {
             let usual = median(self.quiet[at].iter().copied().collect()).filter(|_| self.quiet[at].len() >= QUIET);
             let shaken = |minute: &Minute| usual.is_some_and(|usual| minute.axes[at].variance > SHAKEN * usual);
@@ -364,7 +364,7 @@ impl Watch {
         }
     }
 
-    fn chamber(&self, found: &mut Vec<Found>) {
+    fn chamber(&self, found: &mut Vec<Finding>) {
         let is_set_point = |name: &str| name.contains("set_point") || name.contains("setpoint");
         let Some(set_point) = self.columns.numbers.iter().position(|(_, name)| is_set_point(name)) else { return };
         let Some(chamber) = self.columns.thermometers.iter().position(|t| t.is_of_instrument || t.name == "chamber")
@@ -386,7 +386,7 @@ impl Watch {
         }
     }
 
-    fn loops(&self, found: &mut Vec<Found>) {
+    fn loops(&self, found: &mut Vec<Finding>) {
         let Some(minute) = self.history.back() else { return };
         for (column, (words, seconds)) in &minute.words {
             let Some((_, name)) = self.columns.words.get(*column).filter(|_| *seconds >= 3) else { continue };
@@ -434,7 +434,7 @@ impl Watch {
     }
 }
 
-fn clocks(clock: ClockReport) -> Option<Found> {
+fn clocks(clock: ClockReport) -> Option<Finding> {
     let ppm = clock.drift_ppm.filter(|ppm| ppm.abs() > CLOCKS_PPM)?;
     let words = format!(
         "the gyro's clock gains {} ppm on the computer's: rates and the scale factor are off by as much",

@@ -33,7 +33,7 @@ const LONGEST_PAUSE: Duration = Duration::from_secs(2);
 
 /// What a source sends.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum What {
+pub enum SourceEvent {
     /// Bytes.
     Bytes(Vec<u8>),
     /// It is connected.
@@ -52,7 +52,7 @@ pub struct Arrived {
     /// Time of arrival, ns since 1970.
     pub at_ns: i64,
     /// What came.
-    pub what: What,
+    pub what: SourceEvent,
 }
 
 /// A connection that was made, as the journal has it.
@@ -90,9 +90,9 @@ impl Connection {
 
 /// How far a source that can be read from a place was read.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Place(pub(crate) Option<u64>);
+pub(crate) struct BytePlace(pub(crate) Option<u64>);
 
-impl Place {
+impl BytePlace {
     /// Follows an entry of the first source.
     pub(crate) fn follow(&mut self, entry: &Entry) {
         match entry.kind {
@@ -118,7 +118,7 @@ const TAIL_BYTES: usize = 4096;
 
 impl GoOn {
     /// Follows the entries of the first source with their place behind them.
-    pub(crate) fn follow(&mut self, entry: &Entry, place: Place) {
+    pub(crate) fn follow(&mut self, entry: &Entry, place: BytePlace) {
         let Some(place) = place.0.filter(|_| entry.source == 0) else { return };
         if entry.kind == Kind::Connected && place != self.place {
             self.tail.clear();
@@ -186,7 +186,7 @@ pub(crate) struct Out {
 
 impl Out {
     /// Sends; false when nobody records any more.
-    pub(crate) fn send(&self, what: What) -> bool {
+    pub(crate) fn send(&self, what: SourceEvent) -> bool {
         self.to.send(Arrived { source: self.number, at_ns: self.clock.now_ns(), what }).is_ok()
     }
 
@@ -198,7 +198,7 @@ impl Out {
             let why = match session(self) {
                 SessionEnd::Stopped => return,
                 SessionEnd::Ended => {
-                    self.send(What::Ended);
+                    self.send(SourceEvent::Ended);
                     return;
                 }
                 SessionEnd::Lost(why) => {
@@ -209,7 +209,7 @@ impl Out {
                 SessionEnd::NotConnected(why) => why,
             };
             // The same reason is not said at each attempt.
-            if why != said && !self.send(What::Lost(why.clone())) {
+            if why != said && !self.send(SourceEvent::Lost(why.clone())) {
                 return;
             }
             said = why;

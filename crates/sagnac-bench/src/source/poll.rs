@@ -12,7 +12,7 @@ use sagnac_log::setup::{PollColumn, PollSetup, RegisterTable};
 use sagnac_log::threads::spawn;
 
 use super::stream::connected;
-use super::{Connection, Instrument, Out, SessionEnd, What};
+use super::{Connection, Instrument, Out, SessionEnd, SourceEvent};
 
 /// Longest time for an answer.
 const ANSWER: Duration = Duration::from_secs(2);
@@ -45,7 +45,7 @@ fn ask_on(instrument: &Instrument, poll: &PollSetup, outs: &[Out], first: &Out) 
         Ok(client) => client,
         Err(error) => return SessionEnd::NotConnected(error.to_string()),
     };
-    if !first.send(What::Connected(Connection::whole(instrument.shown()))) {
+    if !first.send(SourceEvent::Connected(Connection::whole(instrument.shown()))) {
         return SessionEnd::Stopped;
     }
     let every = Duration::from_secs_f64(poll.every_s);
@@ -58,7 +58,7 @@ fn ask_on(instrument: &Instrument, poll: &PollSetup, outs: &[Out], first: &Out) 
             };
             match answer {
                 Ok(answer) => {
-                    if !out.send(What::Bytes(answer)) {
+                    if !out.send(SourceEvent::Bytes(answer)) {
                         return SessionEnd::Stopped;
                     }
                 }

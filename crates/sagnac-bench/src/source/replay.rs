@@ -10,7 +10,7 @@ use sagnac_log::ingest::{LogReader, ReadMode};
 use sagnac_log::setup::Setup;
 use sagnac_log::{Error, Result};
 
-use super::{Connection, Out, What};
+use super::{Connection, Out, SourceEvent};
 use crate::journal::MOST_PAYLOAD_BYTES;
 
 /// Longest time between two sends.
@@ -18,18 +18,18 @@ const TOGETHER: Duration = Duration::from_millis(20);
 
 /// Sends a log; `skip` bytes of its text were recorded before.
 pub(crate) fn replay(path: &Path, speed: f64, skip: u64, setup: &Setup, out: &Out) {
-    if !out.send(What::Connected(Connection::from_byte(format!("replay of {}", path.display()), skip))) {
+    if !out.send(SourceEvent::Connected(Connection::from_byte(format!("replay of {}", path.display()), skip))) {
         return;
     }
     let mut sender = Sender { out, waiting: Vec::new(), skip, separator: b',' };
     match sender.pour(path, speed, setup) {
         Ok(true) => {
-            out.send(What::Ended);
+            out.send(SourceEvent::Ended);
         }
         Ok(false) => {}
         Err(error) => {
-            out.send(What::Lost(error.to_string()));
-            out.send(What::Ended);
+            out.send(SourceEvent::Lost(error.to_string()));
+            out.send(SourceEvent::Ended);
         }
     }
 }
@@ -91,7 +91,8 @@ impl Sender<'_> {
         self.skip -= known;
         let bytes = self.waiting.split_off(known as usize);
         self.waiting.clear();
-        bytes.is_empty() || bytes.chunks(MOST_PAYLOAD_BYTES / 2).all(|piece| self.out.send(What::Bytes(piece.to_vec())))
+        bytes.is_empty()
+            || bytes.chunks(MOST_PAYLOAD_BYTES / 2).all(|piece| self.out.send(SourceEvent::Bytes(piece.to_vec())))
     }
 }
 
@@ -116,11 +117,11 @@ mod tests {
             scope.spawn(|| replay(&path, 1.0, recorded as u64, &setup, &out));
             let next = || came.recv_timeout(Duration::from_secs(30)).map(|came| came.what);
             assert!(
-                matches!(next(), Ok(What::Connected(Connection { from_byte: Some(at), .. })) if at == recorded as u64)
+                matches!(next(), Ok(SourceEvent::Connected(Connection { from_byte: Some(at), .. })) if at == recorded as u64)
             );
             let row = next();
             stop.stop();
-            assert!(matches!(&row, Ok(What::Bytes(bytes)) if bytes == b"1000001,3,20\n"), "{:?}", row.is_ok());
+            assert!(matches!(&row, Ok(SourceEvent::Bytes(bytes)) if bytes == b"1000001,3,20\n"), "{:?}", row.is_ok());
         });
     }
 }

@@ -10,7 +10,7 @@ use std::time::Duration;
 use sagnac_log::setup::Setup;
 use sagnac_log::threads::spawn;
 
-use super::{Address, Connection, GoOn, Out, PATIENCE, SessionEnd, What};
+use super::{Address, Connection, GoOn, Out, PATIENCE, SessionEnd, SourceEvent};
 use crate::journal::MOST_PAYLOAD_BYTES;
 use crate::source::replay::replay;
 
@@ -55,7 +55,7 @@ fn pour(reader: &mut dyn Read, out: &Out, at_end: impl Fn() -> SessionEnd) -> Se
         match reader.read(&mut bytes) {
             Ok(0) => return at_end(),
             Ok(read) => {
-                if !out.send(What::Bytes(bytes.get(..read).unwrap_or_default().to_vec())) {
+                if !out.send(SourceEvent::Bytes(bytes.get(..read).unwrap_or_default().to_vec())) {
                     return SessionEnd::Stopped;
                 }
             }
@@ -67,7 +67,7 @@ fn pour(reader: &mut dyn Read, out: &Out, at_end: impl Fn() -> SessionEnd) -> Se
 
 fn input(out: &Out) {
     out.keep(|out| {
-        if !out.send(What::Connected(Connection::whole("standard input"))) {
+        if !out.send(SourceEvent::Connected(Connection::whole("standard input"))) {
             return SessionEnd::Stopped;
         }
         pour(&mut std::io::stdin(), out, || SessionEnd::Ended)
@@ -88,7 +88,7 @@ fn file(path: &Path, GoOn { place: at, tail }: &mut GoOn, out: &Out) -> SessionE
     if let Err(error) = open.seek(SeekFrom::Start(*at)) {
         return SessionEnd::NotConnected(error.to_string());
     }
-    if !out.send(What::Connected(Connection::from_byte(path.display().to_string(), *at))) {
+    if !out.send(SourceEvent::Connected(Connection::from_byte(path.display().to_string(), *at))) {
         return SessionEnd::Stopped;
     }
     let mut bytes = vec![0; PIECE_BYTES];
@@ -105,7 +105,7 @@ fn file(path: &Path, GoOn { place: at, tail }: &mut GoOn, out: &Out) -> SessionE
             }
             Ok(read) => {
                 *at += read as u64;
-                let came = What::Bytes(bytes.get(..read).unwrap_or_default().to_vec());
+                let came = SourceEvent::Bytes(bytes.get(..read).unwrap_or_default().to_vec());
                 if !out.send(came) || out.stop.is_stopped() {
                     return SessionEnd::Stopped;
                 }
@@ -166,7 +166,7 @@ fn tcp(address: &str, out: &Out) -> SessionEnd {
         Ok(stream) => stream,
         Err(error) => return SessionEnd::NotConnected(error.to_string()),
     };
-    if !out.send(What::Connected(Connection::within(format!("tcp://{address}")))) {
+    if !out.send(SourceEvent::Connected(Connection::within(format!("tcp://{address}")))) {
         return SessionEnd::Stopped;
     }
     pour(&mut stream, out, || SessionEnd::Lost("the other side has closed the connection".to_owned()))
@@ -180,7 +180,7 @@ fn udp(address: &str, out: &Out) -> SessionEnd {
         Err(error) => return SessionEnd::NotConnected(error.to_string()),
     };
     let heard = socket.local_addr().map_or_else(|_| address.to_owned(), |bound| bound.to_string());
-    if !out.send(What::Connected(Connection::whole(format!("udp://{heard}")))) {
+    if !out.send(SourceEvent::Connected(Connection::whole(format!("udp://{heard}")))) {
         return SessionEnd::Stopped;
     }
     let mut bytes = vec![0; MOST_PAYLOAD_BYTES];
@@ -190,7 +190,7 @@ fn udp(address: &str, out: &Out) -> SessionEnd {
         }
         match socket.recv(&mut bytes) {
             Ok(read) => {
-                if !out.send(What::Bytes(bytes.get(..read).unwrap_or_default().to_vec())) {
+                if !out.send(SourceEvent::Bytes(bytes.get(..read).unwrap_or_default().to_vec())) {
                     return SessionEnd::Stopped;
                 }
             }
@@ -209,7 +209,7 @@ fn serial(path: &Path, baud: u32, out: &Out) -> SessionEnd {
         Ok(port) => port,
         Err(error) => return SessionEnd::NotConnected(error.to_string()),
     };
-    if !out.send(What::Connected(Connection::within(format!("{} at {baud} baud", path.display())))) {
+    if !out.send(SourceEvent::Connected(Connection::within(format!("{} at {baud} baud", path.display())))) {
         return SessionEnd::Stopped;
     }
     pour(&mut port, out, || SessionEnd::Lost("the port was closed".to_owned()))

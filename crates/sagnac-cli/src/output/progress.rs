@@ -105,9 +105,9 @@ impl SimulatedTime {
 }
 
 /// How many units of a fleet are done, and how long the others take; nothing where standard error is no terminal.
-pub(crate) struct Units(Option<Bar>);
+pub(crate) struct UnitProgress(Option<Bar>);
 
-impl Units {
+impl UnitProgress {
     pub(crate) fn new(units: usize) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
             let bar = Bar(ProgressBar::with_draw_target(Some(units as u64), ProgressDrawTarget::stderr()));

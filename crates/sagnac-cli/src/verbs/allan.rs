@@ -7,7 +7,7 @@ use sagnac::allan::{NoiseBudget, Request, budget_of_curves, is_curve, noise_budg
 use sagnac::{Error, Result};
 use sagnac_log::setup::Setup;
 use sagnac_log::write::write_bytes;
-use sagnac_noise::{AxisBudget, Taus, Term, TermValue};
+use sagnac_noise::{AllanTerm, AxisBudget, Taus, TermValue};
 use sagnac_report::{noise_report, row_notes, term_text};
 use sagnac_units::format::significant;
 
@@ -169,7 +169,7 @@ fn describe(console: &mut Console, axis: &AxisBudget) {
         console.say(format!("axis {}: a bare curve", axis.axis));
     }
     row_notes(axis).iter().for_each(|note| console.say(format!("  {note}")));
-    let rows = Term::ALL.iter().map(|term| {
+    let rows = AllanTerm::ALL.iter().map(|term| {
         let (name, unit) = term.name();
         let [value, interval] = term_text(axis.terms.get(*term));
         vec![name.to_owned(), unit.to_owned(), value, interval]
@@ -192,7 +192,7 @@ fn describe(console: &mut Console, axis: &AxisBudget) {
 /// Why terms are missing: letters of those with the same reason together.
 fn reasons(axis: &AxisBudget) -> Vec<(String, String)> {
     let mut out: Vec<(String, String)> = Vec::new();
-    for term in Term::ALL {
+    for term in AllanTerm::ALL {
         let TermValue::Unresolved { unresolved } = axis.terms.get(term) else { continue };
         let letter = term.name().0.chars().last().unwrap_or_default();
         match out.iter_mut().find(|(_, why)| why == unresolved) {

@@ -86,8 +86,8 @@ const RATE: [&str; 8] = ["rate", "gyro", "omega", "drehrate", "gyr", "angrate", 
 const FLAG: [&str; 3] = ["valid", "ok", "gueltig"];
 
 /// Units as people write them, and the ending of Sagnac's header.
-type Units = [(&'static [&'static str], &'static str)];
-const TIME_UNITS: &Units = &[
+type UnitSpellings = [(&'static [&'static str], &'static str)];
+const TIME_UNITS: &UnitSpellings = &[
     (&["s", "sec", "secs", "second", "seconds", "sek", "sekunden"], "s"),
     (&["ms", "msec", "milliseconds"], "ms"),
     (&["us", "µs", "μs", "usec", "microseconds"], "us"),
@@ -98,8 +98,9 @@ const UNREAD_TIME_UNITS: [&str; 22] = [
     "min", "mins", "minute", "minutes", "minuten", "minutos", "h", "hr", "hrs", "hour", "hours", "std", "stunde",
     "stunden", "heure", "heures", "hora", "horas", "days", "tage", "jours", "dias",
 ];
-const TEMPERATURE_UNITS: &Units = &[(&["c", "°c", "degc", "deg c", "celsius", "grad c"], "c"), (&["k", "kelvin"], "k")];
-const RATE_UNITS: &Units = &[
+const TEMPERATURE_UNITS: &UnitSpellings =
+    &[(&["c", "°c", "degc", "deg c", "celsius", "grad c"], "c"), (&["k", "kelvin"], "k")];
+const RATE_UNITS: &UnitSpellings = &[
     (&["°/h", "deg/h", "deg/hr", "dph", "°/hr"], "dph"),
     (&["°/s", "deg/s", "dps", "deg/sec", "°/sec"], "dps"),
     (&["rad/s", "radps", "rad/sec"], "radps"),
@@ -318,7 +319,7 @@ fn words_of(header: &str) -> (Vec<String>, Option<String>) {
 }
 
 /// The unit as it is stated in brackets, a line of units or a word of the name, by a table of what people write.
-fn stated(unit: Option<&str>, words: &[String], known: &Units) -> Option<&'static str> {
+fn stated(unit: Option<&str>, words: &[String], known: &UnitSpellings) -> Option<&'static str> {
     let find = |text: &str| {
         let text = text.trim_matches(['[', ']', '(', ')', ' ']).to_lowercase();
         known.iter().find(|(names, _)| names.contains(&text.as_str())).map(|(_, ending)| *ending)

@@ -24,7 +24,7 @@ Examples:
 pub(crate) struct Args {
     /// What to print
     #[arg(value_enum)]
-    what: What,
+    what: ManualForm,
     /// With `man`: write a page for the program and one for each command into this folder
     #[arg(short, long, value_name = "FOLDER")]
     output: Option<PathBuf>,
@@ -32,7 +32,7 @@ pub(crate) struct Args {
 
 /// Forms of the manual.
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum What {
+enum ManualForm {
     Bash,
     Zsh,
     Fish,
@@ -45,7 +45,7 @@ enum What {
 pub(crate) fn run(args: &Args, mut program: Command, console: &mut Console) -> Ran {
     program.set_bin_name("sagnac");
     if let Some(folder) = &args.output {
-        if args.what != What::Man {
+        if args.what != ManualForm::Man {
             return Err(Error::input("only man pages are written to a folder; redirect the others").column("--output"));
         }
         std::fs::create_dir_all(folder).map_err(|e| Error::io_path(folder, "make", &e))?;
@@ -55,13 +55,13 @@ pub(crate) fn run(args: &Args, mut program: Command, console: &mut Console) -> R
     }
     program.build();
     let text = match args.what {
-        What::Bash => completions(Shell::Bash, &program)?,
-        What::Zsh => completions(Shell::Zsh, &program)?,
-        What::Fish => completions(Shell::Fish, &program)?,
-        What::Powershell => completions(Shell::PowerShell, &program)?,
-        What::Elvish => completions(Shell::Elvish, &program)?,
-        What::Man => rendered(|out| clap_mangen::Man::new(program.clone()).render(out))?,
-        What::Markdown => markdown(&mut program)?,
+        ManualForm::Bash => completions(Shell::Bash, &program)?,
+        ManualForm::Zsh => completions(Shell::Zsh, &program)?,
+        ManualForm::Fish => completions(Shell::Fish, &program)?,
+        ManualForm::Powershell => completions(Shell::PowerShell, &program)?,
+        ManualForm::Elvish => completions(Shell::Elvish, &program)?,
+        ManualForm::Man => rendered(|out| clap_mangen::Man::new(program.clone()).render(out))?,
+        ManualForm::Markdown => markdown(&mut program)?,
     };
     console.say(text.trim_end());
     Ok(Outcome::Done)

@@ -5,7 +5,7 @@
 mod evidence;
 
 use evidence::{Records, evidence};
-use sagnac_noise::{Taus, Term, TermValue, budget_of_angles};
+use sagnac_noise::{AllanTerm, Taus, TermValue, budget_of_angles};
 use sagnac_sim::{NoiseConfig, Resting};
 
 const SEEDS: Records = Records::new(100).few(30);
@@ -29,7 +29,7 @@ fn coverage(resting: &Resting) -> [(u32, u32); 5] {
     let mut counts = [(0, 0); 5];
     for seed in SEEDS.each().map(|seed| seed + 1) {
         let budget = budget_of_angles(&resting.angles(SECONDS, seed), 1.0, &Taus::Octaves).unwrap();
-        for (i, term) in Term::ALL.into_iter().enumerate() {
+        for (i, term) in AllanTerm::ALL.into_iter().enumerate() {
             if let TermValue::Found { lower: Some(lower), upper: Some(upper), .. } = budget.terms.get(term) {
                 counts[i].0 += u32::from((*lower..=*upper).contains(&truth[i]));
                 counts[i].1 += 1;
@@ -116,7 +116,7 @@ fn check_bounds(resting: &Resting, seconds: usize, most_times: [f64; 5]) -> f64 
     let (mut counts, mut bounds) = ([[0; 3]; 5], [const { Vec::new() }; 5]);
     for seed in SEEDS.each().map(|seed| seed + 1) {
         let budget = budget_of_angles(&resting.angles(seconds, seed), 1.0, &Taus::Octaves).unwrap();
-        for (i, term) in Term::ALL.into_iter().enumerate() {
+        for (i, term) in AllanTerm::ALL.into_iter().enumerate() {
             let place = match budget.terms.get(term) {
                 TermValue::Found { lower: Some(lower), upper: Some(upper), value } => {
                     assert!(lower <= value && value <= upper, "{term:?}: {lower} {value} {upper}");
@@ -138,7 +138,7 @@ fn check_bounds(resting: &Resting, seconds: usize, most_times: [f64; 5]) -> f64 
     println!("{seconds} s, true {truth:?}: inside, outside, below the bound {counts:?}; middle bounds {middle:?}");
     for (i, bound) in middle.into_iter().enumerate() {
         if let Some(bound) = bound.filter(|_| truth[i] > 0.0) {
-            assert!(bound <= most_times[i] * truth[i], "{:?}: {bound}", Term::ALL[i]);
+            assert!(bound <= most_times[i] * truth[i], "{:?}: {bound}", AllanTerm::ALL[i]);
         }
     }
     counts.map(|[inside, _, below]| f64::from(inside + below) / SEEDS.count() as f64).into_iter().fold(1.0, f64::min)
@@ -176,7 +176,8 @@ fn a_sine_hides_no_random_walk() {
         let sine = |row: u32| 1.5 * (std::f64::consts::TAU * f64::from(row) / 40.0).sin();
         let angles: Vec<f64> = (1..=8192).map(|row| dice.normal() + sine(row)).collect();
         let budget = budget_of_angles(&angles, 1.0, &Taus::Octaves).unwrap();
-        let TermValue::Found { lower: Some(lower), upper: Some(upper), .. } = budget.terms.get(Term::AngleRandomWalk)
+        let TermValue::Found { lower: Some(lower), upper: Some(upper), .. } =
+            budget.terms.get(AllanTerm::AngleRandomWalk)
         else {
             return false;
         };

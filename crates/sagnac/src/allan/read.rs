@@ -6,7 +6,7 @@ use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Batch, Bridge, LogShape, Logs, Tallies, Tally, same_shape};
 use sagnac_log::setup::Setup;
 use sagnac_noise::{
-    AxisBudget, HELD_PHASES, MOST_ROWS, MOST_TAUS, Place, Screen, Screened, TauError, Taus, budget_of_screened,
+    AxisBudget, HELD_PHASES, MOST_ROWS, MOST_TAUS, RowPlace, Screen, Screened, TauError, Taus, budget_of_screened,
     differences, served,
 };
 use sagnac_units::format::significant;
@@ -265,7 +265,7 @@ impl Reading {
     fn plain_rows(&mut self, batch: &Batch, angles: &[Vec<f64>], rows: Range<usize>) {
         let log = self.inputs.len() as u32;
         for (screen, column) in self.screens.iter_mut().zip(angles) {
-            screen.rows(&column[rows.clone()], |at| Place { log, line: batch.line[rows.start + at] });
+            screen.rows(&column[rows.clone()], |at| RowPlace { log, line: batch.line[rows.start + at] });
         }
         self.last_end_ns = Some(batch.end_ns[rows.end - 1]);
     }
@@ -273,7 +273,7 @@ impl Reading {
     /// A row; what is missing before it is lost.
     fn row(&mut self, batch: &Batch, angles: &[Vec<f64>], row: usize) {
         let (start_ns, end_ns) = (batch.start_ns[row], batch.end_ns[row]);
-        let place = Place { log: self.inputs.len() as u32, line: batch.line[row] };
+        let place = RowPlace { log: self.inputs.len() as u32, line: batch.line[row] };
         let gap_from_ns = self.last_end_ns.filter(|last_ns| *last_ns != start_ns);
         let lost = gap_from_ns.map_or(0, |last_ns| self.shape.intervals(last_ns, start_ns));
         let here = self.shape.intervals(start_ns, end_ns);
@@ -291,7 +291,7 @@ impl Reading {
 
     /// What a running total counted over a gap.
     fn bridge(&mut self, bridge: &Bridge, drift: Option<&RampDrift>) {
-        let place = Place { log: self.inputs.len() as u32, line: bridge.line };
+        let place = RowPlace { log: self.inputs.len() as u32, line: bridge.line };
         if self.last_end_ns != Some(bridge.start_ns) {
             self.end_stretch();
         }
@@ -342,7 +342,7 @@ impl Reading {
                 significant(fastest, 4)
             ));
         }
-        let place = |place: Place| {
+        let place = |place: RowPlace| {
             let file = self.inputs.get(place.log as usize).map_or("", |input| input.file.as_str());
             format!("{file}:{}", place.line)
         };

@@ -29,7 +29,7 @@ use crate::output::calibration;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::of_fit;
 use crate::verbs::bench::lines::Lines;
-use crate::verbs::bench::screen::Screen;
+use crate::verbs::bench::screen::BenchScreen;
 use crate::verbs::verb::Verb;
 
 /// Address of the page, if it is free.
@@ -211,7 +211,7 @@ fn record(args: &Args, setup: &Setup, request: LiveRequest, journal: &Path, cons
 /// How a running test is shown here.
 enum Shown {
     Lines(Lines),
-    Screen(Box<Screen>),
+    Screen(Box<BenchScreen>),
 }
 
 impl Shown {
@@ -220,7 +220,7 @@ impl Shown {
             return Ok(Self::Lines(Lines::new()));
         }
         let page = page.map_or(String::new(), |page| format!("   http://{}", page.address));
-        Screen::begin(&format!("{title}{page}")).map(|screen| Self::Screen(Box::new(screen)))
+        BenchScreen::begin(&format!("{title}{page}")).map(|screen| Self::Screen(Box::new(screen)))
     }
 
     /// Shows what is new, and waits for more or a moment.

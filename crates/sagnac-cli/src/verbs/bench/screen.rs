@@ -40,7 +40,7 @@ pub(crate) struct View<'a> {
 }
 
 /// The terminal; it is as before when this ends.
-pub(crate) struct Screen {
+pub(crate) struct BenchScreen {
     terminal: DefaultTerminal,
     title: String,
     chosen: usize,
@@ -48,7 +48,7 @@ pub(crate) struct Screen {
     asked: bool,
 }
 
-impl Screen {
+impl BenchScreen {
     /// Takes the terminal over.
     pub(crate) fn begin(title: &str) -> Result<Self> {
         let terminal = ratatui::try_init().map_err(|e| Error::input(format!("cannot draw on this terminal: {e}")))?;
@@ -95,7 +95,7 @@ impl Screen {
     }
 }
 
-impl Drop for Screen {
+impl Drop for BenchScreen {
     fn drop(&mut self) {
         ratatui::restore();
         let _ = std::io::stdout().flush();
@@ -243,7 +243,7 @@ fn known(frame: &mut Frame<'_>, area: Rect, state: &State) {
 }
 
 fn allan(frame: &mut Frame<'_>, area: Rect, state: &State) {
-    let of = |(axis, curve): &(char, Vec<sagnac_bench::live::Deviation>)| Curve {
+    let of = |(axis, curve): &(char, Vec<sagnac_bench::live::DeviationAt>)| Curve {
         name: axis.to_string(),
         points: curve.iter().filter(|at| at.adev_dph > 0.0).map(|at| (at.tau_s.log10(), at.adev_dph.log10())).collect(),
         dots: false,

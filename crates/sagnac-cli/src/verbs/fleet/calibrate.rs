@@ -13,7 +13,7 @@ use crate::args::setup::SetupArgs;
 use crate::args::setup::source_date_epoch;
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
-use crate::output::progress::Units;
+use crate::output::progress::UnitProgress;
 use crate::verbs::verb::Verb;
 
 /// Calibrate every unit of a folder or a manifest
@@ -76,7 +76,7 @@ impl Verb for Args {
         let recipe = Recipe::new(setup, model).source_date_epoch(epoch_s).prior(prior).limits(limits);
         let threads = self.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
         let work = Work { recipe: &recipe, threads, again: self.again };
-        let bar = Units::new(units.len());
+        let bar = UnitProgress::new(units.len());
         let told = Mutex::new((console, InOrder::new(&units, self.json)));
         let report = |done: Done| {
             let (console, lines) = &mut *told.lock().unwrap_or_else(PoisonError::into_inner);

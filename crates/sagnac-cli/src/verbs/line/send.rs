@@ -21,14 +21,14 @@ Examples (the replies appear in sagnac line read):
   sagnac line send answer --challenge 0f1e… --key factory.key --serial RLG-7 --axis z -o /dev/ttyUSB0")]
 pub(crate) struct Args {
     #[command(subcommand)]
-    message: What,
+    message: LineMessage,
     /// The line, or a file
     #[arg(short, long, value_name = "PATH", global = true, default_value = "-")]
     output: PathBuf,
 }
 
 #[derive(Subcommand)]
-enum What {
+enum LineMessage {
     /// The image on trial has proved itself: keep it
     Confirm,
     /// Go back to the image before
@@ -55,10 +55,10 @@ enum What {
 impl Verb for Args {
     fn run(&self, console: &mut Console) -> Ran {
         let message = match &self.message {
-            What::Confirm => Message::Confirm,
-            What::RollBack => Message::RollBack,
-            What::Service => Message::Service,
-            What::Answer { challenge, key, serial, axis } => {
+            LineMessage::Confirm => Message::Confirm,
+            LineMessage::RollBack => Message::RollBack,
+            LineMessage::Service => Message::Service,
+            LineMessage::Answer { challenge, key, serial, axis } => {
                 Files::new().reads([key]).writes([&self.output]).check()?;
                 Message::Answer(answer(key, serial, *axis, challenge)?)
             }
