@@ -160,11 +160,11 @@ fn thresholds(curves: &Curves, truth: &FittedTerms, terms: &[AllanTerm], draws: 
         .par_iter()
         .map(|points| {
             let least = least_deviance(points);
-            let of = |term: &AllanTerm| {
+            let excess = |term: &AllanTerm| {
                 let beside = fit_terms_beside(points, *term, truth.coefficient(*term));
                 (deviance(points, &beside) - least).max(0.0)
             };
-            terms.iter().map(of).collect()
+            terms.iter().map(excess).collect()
         })
         .collect();
     let threshold = |(place, term): (usize, &AllanTerm)| {

@@ -227,14 +227,14 @@ pub fn differences(shown: &[usize], highest: usize) -> Vec<Difference> {
     let mut all: Vec<usize> = shown.iter().copied().chain(octaves).collect();
     all.sort_unstable();
     all.dedup();
-    let of = |deviation| all.iter().map(move |m| Difference { deviation, m: *m });
-    of(Deviation::Allan).chain(of(Deviation::Hadamard)).collect()
+    let differences = |deviation| all.iter().map(move |m| Difference { deviation, m: *m });
+    differences(Deviation::Allan).chain(differences(Deviation::Hadamard)).collect()
 }
 
 /// The budget of a recorded axis. `asked` selects the τ to show; `arcsec` is the size of one unit of the angles.
 pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: impl Fn(usize) -> bool) -> AxisBudget {
     let longest = recorded.stretches.longest();
-    let of = |deviation: Deviation| {
+    let variances = |deviation: Deviation| {
         let sums = recorded.sums.iter().filter(move |(difference, _)| difference.deviation == deviation);
         sums.filter_map(move |(difference, sum)| {
             let variance = sum.variance(deviation, difference.m as f64 * tau0_s)? * arcsec * arcsec;
@@ -243,15 +243,16 @@ pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: 
         })
     };
     let limit = usize::try_from(longest / LONGEST_PART).unwrap_or(usize::MAX);
-    let fit = of(Deviation::Allan).filter(|(m, variance, _)| m.is_power_of_two() && *m <= limit && *variance > 0.0);
+    let fit =
+        variances(Deviation::Allan).filter(|(m, variance, _)| m.is_power_of_two() && *m <= limit && *variance > 0.0);
     let fit = fit.map(|(m, variance, number)| (m as f64, variance, number / m as f64));
     let model = Model::new(fit.collect(), tau0_s, &recorded.stretches);
-    let curve = of(Deviation::Allan).filter(|(m, ..)| asked(*m)).map(|(m, variance, n)| {
+    let curve = variances(Deviation::Allan).filter(|(m, ..)| asked(*m)).map(|(m, variance, n)| {
         let edf = model.edf(Deviation::Allan, m as f64);
         let [lower_dph, upper_dph] = interval(variance, edf);
         CurvePoint { tau_s: m as f64 * tau0_s, adev_dph: variance.sqrt(), lower_dph, upper_dph, n: Some(n), edf }
     });
-    let hadamard = of(Deviation::Hadamard).filter(|(m, ..)| asked(*m)).map(|(m, variance, n)| {
+    let hadamard = variances(Deviation::Hadamard).filter(|(m, ..)| asked(*m)).map(|(m, variance, n)| {
         let [lower_dph, upper_dph] = interval(variance, model.edf(Deviation::Hadamard, m as f64));
         HadamardPoint { tau_s: m as f64 * tau0_s, hdev_dph: variance.sqrt(), lower_dph, upper_dph, n }
     });

@@ -146,17 +146,17 @@ impl Bounds {
             least = row.simd_lt(least).select(row, least);
             most = row.simd_gt(most).select(row, most);
         }
-        let of = |lanes: f64x4<S>| lanes.as_slice().iter().sum::<f64>() as usize;
+        let count = |lanes: f64x4<S>| lanes.as_slice().iter().sum::<f64>() as usize;
         let in_rest = |is: &dyn Fn(&f64) -> bool| rest.iter().filter(|row| is(row)).count();
         let all = |lanes: f64x4<S>, of_two: fn(f64, f64) -> f64, from: f64| {
             lanes.as_slice().iter().chain(rest).copied().fold(from, of_two)
         };
         Seen {
             rows: rows.len(),
-            low: of(counts[0]) + in_rest(&|row| *row <= self.tails[0]),
-            below: of(counts[1]) + in_rest(&|row| *row < self.middle[0]),
-            above: of(counts[2]) + in_rest(&|row| *row > self.middle[1]),
-            high: of(counts[3]) + in_rest(&|row| *row >= self.tails[1]),
+            low: count(counts[0]) + in_rest(&|row| *row <= self.tails[0]),
+            below: count(counts[1]) + in_rest(&|row| *row < self.middle[0]),
+            above: count(counts[2]) + in_rest(&|row| *row > self.middle[1]),
+            high: count(counts[3]) + in_rest(&|row| *row >= self.tails[1]),
             least: all(least, f64::min, f64::INFINITY),
             most: all(most, f64::max, f64::NEG_INFINITY),
             step: step_in_vectors(simd, rows),

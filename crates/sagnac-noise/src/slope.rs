@@ -54,13 +54,13 @@ pub(crate) fn slope_of(term: AllanTerm, fitted: &FittedTerms, points: &[Point]) 
 }
 
 /// Slope over ln τ with its standard error.
-fn line(points: &[&Point], of: impl Fn(&Point) -> f64) -> (f64, f64) {
+fn line(points: &[&Point], value: impl Fn(&Point) -> f64) -> (f64, f64) {
     let weight = |p: &Point| p.edf / 2.0;
     let all: f64 = points.iter().map(|p| weight(p)).sum();
-    let mean = |of: &dyn Fn(&Point) -> f64| points.iter().map(|p| weight(p) * of(p)).sum::<f64>() / all;
-    let (x, y) = (mean(&|p| p.tau_s.ln()), mean(&|p| of(p)));
+    let mean = |value: &dyn Fn(&Point) -> f64| points.iter().map(|p| weight(p) * value(p)).sum::<f64>() / all;
+    let (x, y) = (mean(&|p| p.tau_s.ln()), mean(&|p| value(p)));
     let spread: f64 = points.iter().map(|p| weight(p) * (p.tau_s.ln() - x).powi(2)).sum();
-    let product: f64 = points.iter().map(|p| weight(p) * (p.tau_s.ln() - x) * (of(p) - y)).sum();
+    let product: f64 = points.iter().map(|p| weight(p) * (p.tau_s.ln() - x) * (value(p) - y)).sum();
     (product / spread, spread.sqrt().recip())
 }
 

@@ -126,11 +126,11 @@ fn usable(points: &[Point]) -> Vec<Point> {
 
 /// Deviance of χ² variances from a model: Σ edf·(σ²/f − 1 − ln(σ²/f)); infinite where the model is zero. The fit minimises it.
 pub(crate) fn deviance(points: &[Point], fitted: &FittedTerms) -> f64 {
-    let of = |p: &Point| {
+    let part = |p: &Point| {
         let ratio = p.variance / fitted.variance(p.tau_s);
         p.edf * (ratio - 1.0 - ratio.ln())
     };
-    points.iter().filter(|p| p.variance > 0.0 && p.edf > 0.0).map(of).sum()
+    points.iter().filter(|p| p.variance > 0.0 && p.edf > 0.0).map(part).sum()
 }
 
 /// Re-weighted least squares until convergence; `held` is a fixed part of the model.

@@ -149,8 +149,8 @@ fn limits_of_all(axes: &[&AxisVerification]) -> Markup {
             names.push(&limit.name);
         }
     }
-    let of = |axis: &AxisVerification, name: &str| axis.limits.iter().find(|limit| limit.name == name).cloned();
-    let is_asked = |name: &&str| axes.iter().any(|axis| of(axis, name).is_some_and(|limit| limit.pass.is_some()));
+    let judged = |axis: &AxisVerification, name: &str| axis.limits.iter().find(|limit| limit.name == name).cloned();
+    let is_asked = |name: &&str| axes.iter().any(|axis| judged(axis, name).is_some_and(|limit| limit.pass.is_some()));
     let (names, unasked): (Vec<&str>, Vec<&str>) = names.into_iter().partition(is_asked);
     let unasked: Vec<String> = unasked.into_iter().map(|name| limit_words(name).0).collect();
     html! {
@@ -161,11 +161,11 @@ fn limits_of_all(axes: &[&AxisVerification]) -> Markup {
             } }
             @for name in names {
                 @let (words, its_unit) = limit_words(name);
-                @let bound = axes.iter().find_map(|axis| of(axis, name)).map_or(f64::NAN, |limit| limit.limit);
+                @let bound = axes.iter().find_map(|axis| judged(axis, name)).map_or(f64::NAN, |limit| limit.limit);
                 tr {
                     td.words { (words) @if !its_unit.is_empty() { ", " (its_unit) } } td { (significant(bound, 4)) }
                     @for axis in axes {
-                        @match of(axis, name) {
+                        @match judged(axis, name) {
                             Some(limit) => {
                                 td class=(match limit.pass { Some(true) => "judged pass", Some(false) => "judged fail", None => "judged" }) {
                                     (limit.value_text()) br; span.verdict-word { (limit.word()) }

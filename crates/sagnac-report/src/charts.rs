@@ -173,29 +173,30 @@ impl Chart {
 const LONGEST_FIGURE: usize = 32;
 
 /// A cell; the first of a row may lead to an entry.
-fn cell(of: &PageTable, row: usize, column: usize, text: &str) -> Markup {
-    match of.entries.get(row).and_then(Option::as_ref).filter(|_| column == 0) {
+fn cell(table: &PageTable, row: usize, column: usize, text: &str) -> Markup {
+    match table.entries.get(row).and_then(Option::as_ref).filter(|_| column == 0) {
         Some(id) => html! { a href={ "#" (id) } { (text) } },
         None => html! { (text) },
     }
 }
 
-fn table(of: &PageTable) -> Markup {
-    let words: Vec<bool> = (0..of.columns.len())
+fn table(table: &PageTable) -> Markup {
+    let words: Vec<bool> = (0..table.columns.len())
         .map(|column| {
-            of.rows.iter().any(|row| row.get(column).is_some_and(|cell| cell.chars().count() > LONGEST_FIGURE))
+            table.rows.iter().any(|row| row.get(column).is_some_and(|cell| cell.chars().count() > LONGEST_FIGURE))
         })
         .collect();
     let is_words = |column: usize| words.get(column) == Some(&true);
     // A column without any value says nothing.
     let has_value = |column: usize| {
-        column == 0 || of.rows.iter().any(|row| row.get(column).is_some_and(|cell| !["", "-"].contains(&cell.as_str())))
+        column == 0
+            || table.rows.iter().any(|row| row.get(column).is_some_and(|cell| !["", "-"].contains(&cell.as_str())))
     };
     html! {
-        h2 { (of.heading) }
+        h2 { (table.heading) }
         div.scroll { table {
-            thead { tr { @for (i, column) in of.columns.iter().enumerate().filter(|(i, _)| has_value(*i)) { th.words[is_words(i)] { (column) } } } }
-            tbody { @for (at, row) in of.rows.iter().enumerate() { tr { @for (i, text) in row.iter().enumerate().filter(|(i, _)| has_value(*i)) { td.words[is_words(i)] { (cell(of, at, i, text)) } } } } }
+            thead { tr { @for (i, column) in table.columns.iter().enumerate().filter(|(i, _)| has_value(*i)) { th.words[is_words(i)] { (column) } } } }
+            tbody { @for (at, row) in table.rows.iter().enumerate() { tr { @for (i, text) in row.iter().enumerate().filter(|(i, _)| has_value(*i)) { td.words[is_words(i)] { (cell(table, at, i, text)) } } } } }
         } }
     }
 }

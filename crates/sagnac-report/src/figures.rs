@@ -266,7 +266,8 @@ pub(crate) fn scale_proof(axis: char, proof: &ScaleProof) -> Option<Figure> {
     let labels = ["temperature, °C", "scale factor from nominal, ppm"];
     let title = "Scale factor before and after";
     let mut out = figure(axis, "scale", title, caption.to_owned(), labels, "temperature");
-    let side = |of: fn(&PlateauProof) -> PpmEstimate| proof.plateaus.iter().map(move |p| (p.temperature_c, of(p)));
+    let side =
+        |value: fn(&PlateauProof) -> PpmEstimate| proof.plateaus.iter().map(move |p| (p.temperature_c, value(p)));
     out.layers.extend(whiskers("before", Role::Before, side(|p| p.before)));
     out.layers.extend(whiskers("after", Role::After, side(|p| p.after)));
     out.framed(false)

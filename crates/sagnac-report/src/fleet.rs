@@ -87,13 +87,13 @@ fn table<const N: usize>(heading: &str, columns: [&str; N], rows: impl Iterator<
     PageTable { heading: heading.to_owned(), columns: columns.map(str::to_owned).into(), rows, ..PageTable::default() }
 }
 
-fn part(some: usize, of: usize) -> String {
-    if of == 0 { "-".to_owned() } else { format!("{} %", significant(100.0 * some as f64 / of as f64, 3)) }
+fn part(some: usize, all: usize) -> String {
+    if all == 0 { "-".to_owned() } else { format!("{} %", significant(100.0 * some as f64 / all as f64, 3)) }
 }
 
 fn yields(quality: &Quality) -> PageTable {
-    let rows = quality.yields.iter().map(|of| {
-        let Yield { lot, units, calibrated, judged, met, .. } = of;
+    let rows = quality.yields.iter().map(|lot_yield| {
+        let Yield { lot, units, calibrated, judged, met, .. } = lot_yield;
         let lot = if lot.is_empty() { "all".to_owned() } else { lot.clone() };
         let [n, c, j, m] = [units, calibrated, judged, met].map(|count| (*count).to_string());
         [lot, n, c, part(*calibrated, *units), j, m, part(*met, *judged)]
@@ -282,7 +282,7 @@ fn chart(at: usize, quantity: &Quantity) -> Option<Chart> {
     beyond.retain(|at| shown.binary_search(at).is_ok());
     let step = values.len().div_ceil(MOST_DOTS).max(1);
     let each: Vec<usize> = (0..values.len()).step_by(step).collect();
-    let over = |of: &dyn Fn(usize) -> f64| each.iter().map(|at| of(*at)).collect::<Vec<f64>>();
+    let over = |value: &dyn Fn(usize) -> f64| each.iter().map(|at| value(*at)).collect::<Vec<f64>>();
     let line = |label: &str, y: Vec<f64>, dashed| Curve { label: label.to_owned(), x: over(&number), y, dashed };
     let of_unit = unit(&quantity.unit);
     (!shown.is_empty()).then(|| Chart {

@@ -160,8 +160,8 @@ impl Frame {
             return Err(too_large("inputs", channels.len() as f64, &format!("{MAX_INPUTS} inputs")));
         }
         for (slot, channel) in d.inputs.iter_mut().zip(&channels) {
-            let of = &channel.input.name;
-            *slot = input_spec(channel, target.period_s()).map_err(|error| error.of(&format!("input {of}")))?;
+            let name = &channel.input.name;
+            *slot = input_spec(channel, target.period_s()).map_err(|error| error.of(&format!("input {name}")))?;
         }
         d.input_count = channels.len() as u8;
         let mut rows = self.rows(correction, &channels)?;
@@ -293,8 +293,8 @@ pub fn codes(axis: &AxisCalibration) -> Vec<Code> {
     axis.correction.inputs.iter().map(code).chain(warm_up).collect()
 }
 
-fn input_spec(of: &InputChannel<'_>, period_s: f64) -> Result<InputSpec> {
-    let (unit, input) = (of.unit(), of.input);
+fn input_spec(channel: &InputChannel<'_>, period_s: f64) -> Result<InputSpec> {
+    let (unit, input) = (channel.unit(), channel.input);
     let span = input.span;
     // Spans of our own stand on even codes already; others move by one code at most.
     let (span_lo_q24, mut span_hi_q24) = (q24("span_c", span[0] / unit)?, q24("span_c", span[1] / unit)?);
@@ -303,7 +303,7 @@ fn input_spec(of: &InputChannel<'_>, period_s: f64) -> Result<InputSpec> {
     let (x_mantissa, shift_to_q31) = reciprocal("span_c", half)?;
     let x_shift =
         shift_to_q31.checked_sub(16).ok_or_else(|| too_large("span", half as f64, "spans of 0.004 °C or more"))?;
-    let lag = match (input.lag_s, of.rate_far()) {
+    let lag = match (input.lag_s, channel.rate_far()) {
         (Some(lag), Some(far)) => {
             let [lo, hi] = input.rate_span_per_min.unwrap_or([-far, far]);
             lag_spec(lag.value, period_s, far / unit, [lo / unit, hi / unit])?
@@ -311,7 +311,7 @@ fn input_spec(of: &InputChannel<'_>, period_s: f64) -> Result<InputSpec> {
         _ => LagSpec::default(),
     };
     let settling_s = input.lag_s.map_or(0.0, |lag| (SETTLING_TAUS * lag.value).min(SETTLING_MAX_S));
-    let has_code = of.source == ValueSource::Code;
+    let has_code = channel.source == ValueSource::Code;
     for value in span.into_iter().filter(|_| has_code) {
         let code = (value - input.offset) / input.gain_per_code;
         if code.abs() > f64::from(i32::MAX) {
@@ -320,8 +320,8 @@ fn input_spec(of: &InputChannel<'_>, period_s: f64) -> Result<InputSpec> {
         }
     }
     Ok(InputSpec {
-        source: of.source,
-        unit_exponent: of.exponent,
+        source: channel.source,
+        unit_exponent: channel.exponent,
         offset_q24: if has_code { q24("offset", input.offset / unit)? } else { 0 },
         gain: if has_code { gain(input.gain_per_code / unit * Q24)? } else { Gain::ONE },
         valid_lo_q24: q24("valid_range", input.valid_range[0] / unit)?,

@@ -189,6 +189,6 @@ fn residuals(points: &[sagnac::diagnostics::WindowPoint]) -> Vec<ResidualAt> {
 }
 
 fn deviations(noise: &NoiseBudget) -> Vec<(char, Vec<DeviationAt>)> {
-    let of = |point: &sagnac_noise::CurvePoint| DeviationAt { tau_s: point.tau_s, adev_dph: point.adev_dph };
-    noise.axes.iter().map(|axis| (axis.axis, axis.curve.iter().map(of).collect())).collect()
+    let deviation_at = |point: &sagnac_noise::CurvePoint| DeviationAt { tau_s: point.tau_s, adev_dph: point.adev_dph };
+    noise.axes.iter().map(|axis| (axis.axis, axis.curve.iter().map(deviation_at).collect())).collect()
 }

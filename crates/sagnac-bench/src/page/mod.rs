@@ -102,7 +102,7 @@ impl Page {
     ///
     /// # Errors
     /// An address that is taken, or not of this computer.
-    pub fn begin(of: PageOf, address: SocketAddr) -> Result<Self> {
+    pub fn begin(page: PageOf, address: SocketAddr) -> Result<Self> {
         let failed = |e: &std::io::Error| {
             Error::input(format!("cannot serve the page: {e}"))
                 .column("--page")
@@ -114,11 +114,11 @@ impl Page {
         let address = listener.local_addr().map_err(|e| failed(&e))?;
         let token = token()?;
         let ends: Ends = Arc::new(Mutex::new(Some(broadcast::channel(BEHIND).0)));
-        let site = Arc::new(Site { of: of.clone(), address, token: token.clone(), ends: Arc::clone(&ends) });
+        let site = Arc::new(Site { of: page.clone(), address, token: token.clone(), ends: Arc::clone(&ends) });
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build();
         let runtime = runtime.map_err(|e| failed(&e))?;
         let tells = Arc::clone(&ends);
-        let teller = spawn("page-events", move || tell(&of, &tells)).map_err(|e| no_thread(&e))?;
+        let teller = spawn("page-events", move || tell(&page, &tells)).map_err(|e| no_thread(&e))?;
         let closes = Arc::clone(&ends);
         let server =
             spawn("page", move || runtime.block_on(serve(site, listener, closes))).map_err(|e| no_thread(&e))?;
@@ -270,8 +270,8 @@ struct ShownSource {
     bytes: u64,
 }
 
-fn shown_sources(of: &PageOf) -> Vec<ShownSource> {
-    let now_ns = of.clock.now_ns();
+fn shown_sources(page: &PageOf) -> Vec<ShownSource> {
+    let now_ns = page.clock.now_ns();
     let shown = |source: SourceStatus| ShownSource {
         ago_s: (source.last_ns > 0).then(|| (now_ns - source.last_ns) as f64 * 1e-9),
         name: source.name,
@@ -279,7 +279,7 @@ fn shown_sources(of: &PageOf) -> Vec<ShownSource> {
         why: source.why,
         bytes: source.bytes,
     };
-    of.sources.now().into_iter().map(shown).collect()
+    page.sources.now().into_iter().map(shown).collect()
 }
 
 /// The newest values.
@@ -324,32 +324,32 @@ struct Whole<'a> {
     events: EventsTold<'a>,
 }
 
-fn now_told<'a>(of: &PageOf, state: &'a State, points: Vec<TrendPoint>) -> NowTold<'a> {
+fn now_told<'a>(page: &PageOf, state: &'a State, points: Vec<TrendPoint>) -> NowTold<'a> {
     NowTold {
         now: &state.now,
-        sources: shown_sources(of),
+        sources: shown_sources(page),
         counts: state.counts,
         clock: state.clock,
         failed: &state.failed,
-        ended: of.stop.is_stopped(),
+        ended: page.stop.is_stopped(),
         points,
     }
 }
 
 async fn state(Shared(site): Shared<Arc<Site>>, headers: HeaderMap) -> Response {
     let may_stop = site.has_token(&headers);
-    let of = &site.of;
-    let text = of.live.look(|state| {
+    let page = &site.of;
+    let text = page.live.look(|state| {
         let whole = Whole {
-            title: &of.title,
-            subtitle: &of.subtitle,
+            title: &page.title,
+            subtitle: &page.subtitle,
             names: &state.names,
             seconds: state.seconds(),
             means: state.means(),
             may_stop,
-            share_dph: of.share.as_ref().map(|(dph, _)| *dph),
-            share_of: of.share.as_ref().map(|(_, limit)| limit.as_str()),
-            now: now_told(of, state, Vec::new()),
+            share_dph: page.share.as_ref().map(|(dph, _)| *dph),
+            share_of: page.share.as_ref().map(|(_, limit)| limit.as_str()),
+            now: now_told(page, state, Vec::new()),
             study: StudyTold { study: &state.study },
             events: EventsTold { events: &state.events, warnings: &state.warnings },
         };
@@ -377,22 +377,22 @@ fn stream_of(told: broadcast::Receiver<Told>) -> impl Stream<Item = std::result:
 }
 
 /// Tells all browsers what is new, until there are no more.
-fn tell(of: &PageOf, ends: &Ends) {
+fn tell(page: &PageOf, ends: &Ends) {
     let mut known = Versions::default();
     let mut last_s = f64::NEG_INFINITY;
     loop {
         // The newest values come once a second, even where nothing is new: a page must see that the bench is there.
         let waits = std::time::Instant::now();
-        of.live.wait(known, EVERY);
+        page.live.wait(known, EVERY);
         std::thread::park_timeout(EVERY.saturating_sub(waits.elapsed()));
-        let told = of.live.look(|state| {
+        let told = page.live.look(|state| {
             let mut told = Vec::new();
             let mut say = |name: &'static str, data: serde_json::Result<String>| {
                 told.extend(data.ok().map(|data| Told { name, data: data.into() }));
             };
             let points: Vec<TrendPoint> = state.seconds().into_iter().filter(|point| point.t_s > last_s).collect();
             last_s = points.last().map_or(last_s, |point| point.t_s);
-            say("now", serde_json::to_string(&now_told(of, state, points)));
+            say("now", serde_json::to_string(&now_told(page, state, points)));
             if state.versions.study != known.study {
                 say("study", serde_json::to_string(&StudyTold { study: &state.study }));
             }

@@ -24,11 +24,11 @@ pub(crate) fn expanded(paths: &[PathBuf], console: &mut Console) -> Result<Vec<P
 }
 
 /// One line: how many, and the first and the last of them.
-fn said(of: &Path, found: &[PathBuf]) -> String {
+fn said(place: &Path, found: &[PathBuf]) -> String {
     let name = |path: &PathBuf| file_name(&path.display().to_string());
     match found {
-        [one] => format!("{}: 1 log, {}", of.display(), name(one)),
-        [first, .., last] => format!("{}: {} logs, {} … {}", of.display(), found.len(), name(first), name(last)),
+        [one] => format!("{}: 1 log, {}", place.display(), name(one)),
+        [first, .., last] => format!("{}: {} logs, {} … {}", place.display(), found.len(), name(first), name(last)),
         [] => String::new(),
     }
 }

@@ -99,7 +99,7 @@ const MOST_RUNS: usize = 8;
 fn range_of_runs(axis: &AxisCalibration, offsets: &[RunOffset]) -> String {
     let by_value = |a: &&RunOffset, b: &&RunOffset| a.value_dph.total_cmp(&b.value_dph);
     let [lowest, highest] = [offsets.iter().min_by(by_value), offsets.iter().max_by(by_value)];
-    let of = |end: Option<&RunOffset>| {
+    let end_text = |end: Option<&RunOffset>| {
         end.map_or(String::new(), |o| format!("{} (run {})", with_sigma(o.value_dph, o.sigma_dph), o.run))
     };
     let mean = offsets.iter().map(|offset| offset.value_dph).sum::<f64>() / offsets.len() as f64;
@@ -109,8 +109,8 @@ fn range_of_runs(axis: &AxisCalibration, offsets: &[RunOffset]) -> String {
         "  {} runs at {} °C: {} … {} °/h, scatter σ {} °/h; the record has each",
         offsets.len(),
         axis.reference_c(),
-        of(lowest),
-        of(highest),
+        end_text(lowest),
+        end_text(highest),
         significant(scatter, 2)
     )
 }

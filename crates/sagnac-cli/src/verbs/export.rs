@@ -150,11 +150,11 @@ fn check_flags(args: &Args) -> Result<()> {
         ("--sequence", args.sequence.is_some(), &[Image, Upload, C, Verilog, DataSheet]),
         ("--loops", args.loops.is_some(), &[C, Verilog]),
     ];
-    match flags.iter().find(|(_, given, of)| *given && !of.contains(&args.to)) {
+    match flags.iter().find(|(_, given, targets)| *given && !targets.contains(&args.to)) {
         None => Ok(()),
-        Some((name, _, of)) => {
-            let of: Vec<&str> = of.iter().map(|target| target.name()).collect();
-            Err(Error::input(format!("belongs to --to {}", of.join(", --to "))).column(*name))
+        Some((name, _, targets)) => {
+            let names: Vec<&str> = targets.iter().map(|target| target.name()).collect();
+            Err(Error::input(format!("belongs to --to {}", names.join(", --to "))).column(*name))
         }
     }
 }

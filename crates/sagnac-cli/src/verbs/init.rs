@@ -224,7 +224,7 @@ fn counter(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
     let steps: Vec<f64> = numbers.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let mean = steps.iter().sum::<f64>() / steps.len().max(1) as f64;
     let spread = steps.iter().map(|step| (step - mean).abs()).fold(0.0, f64::max);
-    let count = |of: fn(&&f64) -> bool| steps.iter().filter(of).count();
+    let count = |moves: fn(&&f64) -> bool| steps.iter().filter(moves).count();
     let (rises, falls) = (count(|step| **step > 0.0), count(|step| **step < 0.0));
     // By about as much each, or, of a slow gyro with many rows alike, so often that noise would have gone the other way.
     let goes_on = steps.len() > 2 && mean.abs() > spread || rises.max(falls) >= FEWEST_MOVES;

@@ -106,13 +106,13 @@ fn described(made: &Plan, request: &PlanRequest) -> String {
         .map(|step| vec![celsius(step.to_c), significant(step.rate_cpm, 3), significant(step.soak_min, 3)]);
     out += &table(&["to, °C", "at, °C/min", "then soak, min"], steps);
     out += "\n";
-    let limits = made.expected.iter().map(|of| {
+    let limits = made.expected.iter().map(|limit| {
         vec![
-            of.limit.clone(),
-            significant(of.value_95, 2),
-            significant(of.bound, 3),
-            format!("{:.0} %", 100.0 * of.value_95 / of.bound),
-            unit(&of.unit),
+            limit.limit.clone(),
+            significant(limit.value_95, 2),
+            significant(limit.bound, 3),
+            format!("{:.0} %", 100.0 * limit.value_95 / limit.bound),
+            unit(&limit.unit),
         ]
     });
     out += &table(&["limit", "error, 95 %", "bound", "taken", "unit"], limits);

@@ -32,19 +32,19 @@ impl Compensator {
     /// False if the parts of a state that change each tick are beyond what this image can make of them.
     #[inline]
     pub fn is_plausible(&self, state: &State) -> bool {
-        let of = self.image.description();
-        let limits = of.output_limit < i32::MAX.cast_unsigned();
+        let description = self.image.description();
+        let limits = description.output_limit < i32::MAX.cast_unsigned();
         let held_back =
             limits && (state.overflow || state.accumulator.unsigned_abs() <= ACCUMULATOR_BOUND.unsigned_abs());
         let steady = state.slewing_ticks == 0 && state.increment == state.target;
         let slews = state.slewing_ticks > 0
-            && state.slewing_ticks <= of.slew_ticks
-            && state.increment.unsigned_abs() <= of.increment_bound().unsigned_abs();
+            && state.slewing_ticks <= description.slew_ticks
+            && state.increment.unsigned_abs() <= description.increment_bound().unsigned_abs();
         (held_back || state.accumulator >> 32 == 0)
             && (steady || slews)
             && state.slope.unsigned_abs() <= 2 * MAX_INCREMENT.unsigned_abs()
             && state.k_q32.wrapping_sub(ONE_Q32).unsigned_abs() <= MAX_SCALE.unsigned_abs() + 1
-            && state.ticks_to_update <= of.period_ticks
+            && state.ticks_to_update <= description.period_ticks
     }
 
     /// The state that goes on after an upset: as after [`State::warm`], with the part of a count that was not output yet. A slow update is

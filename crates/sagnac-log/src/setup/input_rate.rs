@@ -57,8 +57,8 @@ impl<T: Copy> PerAxis<T> {
             stated.check_log(letters)?;
         }
         let value = |axis: char| {
-            let of = |all: Option<&Self>| all.and_then(|all| all.of(axis, letters.len()));
-            of(stated).or_else(|| of(else_by))
+            let own = |all: Option<&Self>| all.and_then(|all| all.of(axis, letters.len()));
+            own(stated).or_else(|| own(else_by))
         };
         let values: BTreeMap<char, T> = letters.iter().filter_map(|axis| Some((*axis, value(*axis)?))).collect();
         Ok((!values.is_empty()).then_some(Self::Each(values)))
@@ -91,10 +91,10 @@ impl<T: Copy> PerAxis<T> {
         }
     }
 
-    fn map<U>(&self, of: impl Fn(T) -> U) -> PerAxis<U> {
+    fn map<U>(&self, convert: impl Fn(T) -> U) -> PerAxis<U> {
         match self {
-            Self::Only(value) => PerAxis::Only(of(*value)),
-            Self::Each(values) => PerAxis::Each(values.iter().map(|(axis, value)| (*axis, of(*value))).collect()),
+            Self::Only(value) => PerAxis::Only(convert(*value)),
+            Self::Each(values) => PerAxis::Each(values.iter().map(|(axis, value)| (*axis, convert(*value))).collect()),
         }
     }
 

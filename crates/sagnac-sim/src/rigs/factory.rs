@@ -26,11 +26,11 @@ pub struct Factory {
 impl Factory {
     /// Unit `number` of lot `lot`, in the chamber of the domain notes; its slope is so many σ of its lot further away.
     pub fn unit(&self, lot: u64, number: u64, odd_sigmas: f64) -> LaggedChamber {
-        let of = |stream: Stream, number: u64| {
+        let draws = |stream: Stream, number: u64| {
             let mut random = generator(self.seed.wrapping_mul(1_000_003).wrapping_add(number), stream);
             [(); 4].map(|()| normal(&mut random))
         };
-        let (of_lot, of_unit) = (of(Stream::Lot, lot), of(Stream::Unit, number));
+        let (of_lot, of_unit) = (draws(Stream::Lot, lot), draws(Stream::Unit, number));
         let mut own: [f64; 4] =
             std::array::from_fn(|at| MEAN[at] + OF_LOTS[at] * of_lot[at] + OF_UNITS[at] * of_unit[at]);
         own[0] += odd_sigmas * OF_UNITS[0];

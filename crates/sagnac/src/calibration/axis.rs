@@ -204,7 +204,7 @@ impl AxisCalibration {
     pub fn nonlinear(&self) -> Vec<NonlinearParameter> {
         let lag = |input: &Input| {
             let Lag { value, sigma } = input.lag_s?;
-            let lag = |of: Option<&str>| of.map_or("lag".to_owned(), |of| format!("lag({of})"));
+            let lag = |input: Option<&str>| input.map_or("lag".to_owned(), |input| format!("lag({input})"));
             let name = self.named(&input.name, lag);
             Some(NonlinearParameter { name, value, sigma, unit: "s".to_owned() })
         };

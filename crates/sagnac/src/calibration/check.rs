@@ -135,7 +135,7 @@ impl AxisCalibration {
     }
 
     /// Input `at` repeats the input `of` before it, behind a slower lag.
-    fn is_slower(&self, at: usize, of: &str) -> bool {
+    fn is_slower(&self, at: usize, source: &str) -> bool {
         let all = &self.correction.inputs;
         let slow = &all[at];
         let same = |fast: &Input| {
@@ -143,7 +143,7 @@ impl AxisCalibration {
                 && fast.stale_after_s == slow.stale_after_s
         };
         let slower = |fast: &Input| fast.lag_s.zip(slow.lag_s).is_some_and(|(fast, slow)| fast.value < slow.value);
-        let fast = all[..at].iter().find(|other| other.name == of && other.repeats().is_none());
+        let fast = all[..at].iter().find(|other| other.name == source && other.repeats().is_none());
         fast.is_some_and(|fast| same(fast) && slower(fast))
     }
 }

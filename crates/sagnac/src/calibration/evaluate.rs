@@ -177,8 +177,8 @@ impl AxisCalibration {
     pub(crate) fn covariance_between(&self, these: &[(usize, f64)], those: &[(usize, f64)]) -> f64 {
         let covariance = self.fit.as_ref().map_or(&[][..], |fit| &fit.covariance);
         let entry = |i: usize, j: usize| covariance.get(i).and_then(|row| row.get(j)).copied().unwrap_or(0.0);
-        let of = |(i, a): &(usize, f64)| those.iter().map(|(j, b)| a * b * entry(*i, *j)).sum::<f64>();
-        these.iter().map(of).sum()
+        let row_sum = |(i, a): &(usize, f64)| those.iter().map(|(j, b)| a * b * entry(*i, *j)).sum::<f64>();
+        these.iter().map(row_sum).sum()
     }
 
     /// A rate table turned it.

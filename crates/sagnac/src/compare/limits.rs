@@ -159,14 +159,14 @@ impl ComparedRecords<'_> {
 
     /// Curves are compared where all records have been: what changed elsewhere is not seen.
     fn span_covered(&self) -> Option<f64> {
-        let of = |at: usize, pick: fn(f64, f64) -> f64| self.axes.iter().map(|axis| axis.span_c()[at]).reduce(pick);
-        let (common, any) = (of(1, f64::min)? - of(0, f64::max)?, of(1, f64::max)? - of(0, f64::min)?);
+        let limit = |at: usize, pick: fn(f64, f64) -> f64| self.axes.iter().map(|axis| axis.span_c()[at]).reduce(pick);
+        let (common, any) = (limit(1, f64::min)? - limit(0, f64::max)?, limit(1, f64::max)? - limit(0, f64::min)?);
         (any > 0.0).then_some((common / any).clamp(0.0, 1.0))
     }
 
-    fn pairs(&self, of: impl Fn(usize, usize) -> Result<Estimate, String>) -> ComparedValue {
+    fn pairs(&self, change: impl Fn(usize, usize) -> Result<Estimate, String>) -> ComparedValue {
         let places: Vec<usize> = (0..self.axes.len()).collect();
-        ComparedValue::Pairs(pairs_of(&places, |a, b| of(*a, *b)))
+        ComparedValue::Pairs(pairs_of(&places, |a, b| change(*a, *b)))
     }
 
     /// Fixed biases of all records, where each knows its input rate.
@@ -201,8 +201,8 @@ impl ComparedRecords<'_> {
             return ComparedValue::NotAsked("no record has rate terms".to_owned());
         }
         self.pairs(|a, b| {
-            let of = |at: usize| effects[at].map(estimate).ok_or_else(|| self.lacks(at, "rate term"));
-            Ok(difference(of(a)?, of(b)?))
+            let slope = |at: usize| effects[at].map(estimate).ok_or_else(|| self.lacks(at, "rate term"));
+            Ok(difference(slope(a)?, slope(b)?))
         })
     }
 
@@ -259,8 +259,8 @@ impl ComparedRecords<'_> {
     }
 
     fn change_of_scale(&self, a: usize, b: usize) -> Result<Estimate, String> {
-        let of = |at: usize, celsius: f64| estimate(self.axes[at].scale_deviation(celsius));
-        let all = self.temperatures_c.iter().map(|celsius| difference(of(a, *celsius), of(b, *celsius)));
+        let deviation = |at: usize, celsius: f64| estimate(self.axes[at].scale_deviation(celsius));
+        let all = self.temperatures_c.iter().map(|celsius| difference(deviation(a, *celsius), deviation(b, *celsius)));
         let worst = all.max_by(|a, b| a.value.abs().total_cmp(&b.value.abs()));
         worst.ok_or_else(|| "no common temperature".to_owned())
     }
@@ -310,8 +310,8 @@ fn difference(a: Estimate, b: Estimate) -> Estimate {
 
 fn pairs_of<T>(
     all: &[T],
-    of: impl Fn(&T, &T) -> Result<Estimate, String>,
+    change: impl Fn(&T, &T) -> Result<Estimate, String>,
 ) -> Vec<(usize, usize, Result<Estimate, String>)> {
     let with = |a: usize| (a + 1..all.len()).map(move |b| (a, b));
-    (0..all.len()).flat_map(with).map(|(a, b)| (a, b, of(&all[a], &all[b]))).collect()
+    (0..all.len()).flat_map(with).map(|(a, b)| (a, b, change(&all[a], &all[b]))).collect()
 }

@@ -69,9 +69,9 @@ pub struct ComparedCurve {
 impl ComparedNumber {
     /// A row for people: name, values ± σ, unit, how far apart.
     pub fn row(&self) -> Vec<String> {
-        let of = |value: &Option<[f64; 2]>| value.map_or("-".to_owned(), |[v, s]| with_sigma(v, Some(s)));
+        let text = |value: &Option<[f64; 2]>| value.map_or("-".to_owned(), |[v, s]| with_sigma(v, Some(s)));
         let mut row = vec![self.name.clone()];
-        row.extend(self.values.iter().map(of));
+        row.extend(self.values.iter().map(text));
         row.push(unit(&self.unit));
         row.push(self.sigmas.map_or("-".to_owned(), |s| significant(s, 2)));
         row
@@ -92,9 +92,9 @@ impl ComparedCurve {
 
     /// Values ± σ of every record at one of the temperatures, the differences from the first, and the spread beyond them.
     pub fn row(&self, at: usize) -> Vec<String> {
-        let of = |record: usize| with_sigma(self.values[record][at], Some(self.sigmas[record][at]));
+        let text = |record: usize| with_sigma(self.values[record][at], Some(self.sigmas[record][at]));
         let less = self.differences.iter().map(|all| with_sigma(all[at][0], Some(all[at][1])));
-        (0..self.values.len()).map(of).chain(less).chain([significant(self.beyond[at], 2)]).collect()
+        (0..self.values.len()).map(text).chain(less).chain([significant(self.beyond[at], 2)]).collect()
     }
 
     /// Titles of [`Self::row`].
@@ -139,16 +139,16 @@ impl ComparedCurve {
 
     /// The result in words.
     pub fn verdict(&self, records: &[(String, f64)]) -> String {
-        let of = |record: &usize| records.get(*record).map_or("", |(name, _)| name.as_str());
+        let record_name = |record: &usize| records.get(*record).map_or("", |(name, _)| name.as_str());
         let lacking = match self.without.as_slice() {
             [] => String::new(),
             without => {
-                let names: Vec<&str> = without.iter().map(of).collect();
+                let names: Vec<&str> = without.iter().map(record_name).collect();
                 format!("; no such term in {}, which take no part", names.join(", "))
             }
         };
         let Some(worst) = &self.worst else { return format!("{}: nothing to compare{lacking}", self.quantity) };
-        let name = records.get(worst.record).map_or("", |(name, _)| name.as_str());
+        let name = record_name(&worst.record);
         let beyond = self.beyond.iter().fold(0.0_f64, |most, b| most.max(*b));
         let quantity = &self.quantity;
         if worst.sigmas < SAME {
@@ -286,9 +286,9 @@ pub fn compare(records: &[(String, Calibration)], limits: Option<&Limits>) -> Re
 }
 
 fn shared_logs(records: &[(String, Calibration)]) -> Vec<String> {
-    let of = |index: usize| records[index].1.provenance.inputs.iter();
+    let logs = |index: usize| records[index].1.provenance.inputs.iter();
     let twice =
-        |index: usize| of(index).filter(move |log| (0..index).any(|before| of(before).any(|l| l.overlaps(log))));
+        |index: usize| logs(index).filter(move |log| (0..index).any(|before| logs(before).any(|l| l.overlaps(log))));
     let mut names: Vec<String> = (0..records.len()).flat_map(twice).map(|log| log.file.clone()).collect();
     names.sort();
     names.dedup();
@@ -462,8 +462,8 @@ fn of_inputs(axes: &[&AxisCalibration]) -> Vec<ComparedNumber> {
     names.sort_unstable();
     names.dedup();
     let slopes = names.iter().filter_map(|name| {
-        let of = |axis: &AxisCalibration| axis.slope_of_input(name);
-        number(&format!("drift per unit of {name} at its zero"), "deg/h per unit", axes, of)
+        let slope = |axis: &AxisCalibration| axis.slope_of_input(name);
+        number(&format!("drift per unit of {name} at its zero"), "deg/h per unit", axes, slope)
     });
     let own = |axis: &AxisCalibration, term: &CorrectionTerm| term.shape.jump().is_some().then(|| axis.name_of(term));
     let mut steps: Vec<String> =
@@ -471,11 +471,11 @@ fn of_inputs(axes: &[&AxisCalibration]) -> Vec<ComparedNumber> {
     steps.sort();
     steps.dedup();
     let steps = steps.iter().filter_map(|name| {
-        let of = |axis: &AxisCalibration| {
+        let height = |axis: &AxisCalibration| {
             let term = axis.correction.terms.iter().find(|term| axis.name_of(term) == *name)?;
             Some([term.value, term.sigma?])
         };
-        number(name, "deg/h", axes, of)
+        number(name, "deg/h", axes, height)
     });
     slopes.chain(steps).collect()
 }
@@ -484,9 +484,9 @@ fn number(
     name: &str,
     unit: &str,
     axes: &[&AxisCalibration],
-    of: impl Fn(&AxisCalibration) -> Option<[f64; 2]>,
+    value: impl Fn(&AxisCalibration) -> Option<[f64; 2]>,
 ) -> Option<ComparedNumber> {
-    let values: Vec<Option<[f64; 2]>> = axes.iter().map(|axis| of(axis)).collect();
+    let values: Vec<Option<[f64; 2]>> = axes.iter().map(|axis| value(axis)).collect();
     let known: Vec<[f64; 2]> = values.iter().flatten().copied().collect();
     let apart = |a: &[f64; 2], b: &[f64; 2]| (a[0] - b[0]).abs() / a[1].hypot(b[1]);
     let pairs = known.iter().enumerate().flat_map(|(i, a)| known[i + 1..].iter().map(move |b| apart(a, b)));

@@ -83,12 +83,12 @@ pub enum EffectOf {
 impl EffectOf {
     /// Whether a term is part of it.
     pub(crate) fn holds(self, form: Form) -> bool {
-        let of = match (form.acts_on, form.times_rate) {
+        let effect = match (form.acts_on, form.times_rate) {
             (ActsOn::Bias, false) => Self::Value,
             (ActsOn::Bias, true) => Self::Rate,
             (ActsOn::ScaleFactor, _) => Self::Scale,
         };
-        self == of
+        self == effect
     }
 }
 
@@ -195,11 +195,11 @@ pub(crate) struct LegDifference {
 pub(crate) fn hysteresis_of(
     points: &[WindowPoint],
     least: usize,
-    of: impl Fn(&WindowPoint) -> f64,
+    value: impl Fn(&WindowPoint) -> f64,
 ) -> Option<LegDifference> {
     let mean = |leg: Leg| {
         let used = |p: &&WindowPoint| p.leg() == leg && p.excluded.is_none() && p.after_dph.is_finite();
-        let values: Vec<f64> = points.iter().filter(used).map(&of).collect();
+        let values: Vec<f64> = points.iter().filter(used).map(&value).collect();
         (values.len() >= least).then(|| (values.iter().sum::<f64>() / values.len() as f64, values.len() as f64))
     };
     let ((heating, n_heating), (cooling, n_cooling)) = (mean(Leg::Heating)?, mean(Leg::Cooling)?);

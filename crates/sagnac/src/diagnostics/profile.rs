@@ -35,8 +35,8 @@ pub(crate) fn time_explained(points: &[WindowPoint]) -> Option<f64> {
 }
 
 /// Least by σ of the target.
-fn explained(points: &[WindowPoint], of: impl Fn(&WindowPoint) -> f64, least: f64) -> Option<f64> {
-    let is_known = |p: &&WindowPoint| p.excluded.is_none() && p.temperature_c.is_finite() && of(p).is_finite();
+fn explained(points: &[WindowPoint], value: impl Fn(&WindowPoint) -> f64, least: f64) -> Option<f64> {
+    let is_known = |p: &&WindowPoint| p.excluded.is_none() && p.temperature_c.is_finite() && value(p).is_finite();
     let used: Vec<&WindowPoint> = points.iter().filter(is_known).collect();
     let (lo, hi) = used
         .iter()
@@ -49,7 +49,7 @@ fn explained(points: &[WindowPoint], of: impl Fn(&WindowPoint) -> f64, least: f6
         .iter()
         .map(|p| {
             let basis = chebyshev(span.x(p.temperature_c));
-            std::array::from_fn(|k| if k < ORDER { basis[k + 1] } else { of(p) })
+            std::array::from_fn(|k| if k < ORDER { basis[k + 1] } else { value(p) })
         })
         .collect();
     let runs: Vec<usize> = used.iter().map(|p| p.run).collect();

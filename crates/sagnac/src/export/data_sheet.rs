@@ -154,7 +154,7 @@ fn content(out: &mut String, image: &Image, bytes: &[u8]) {
 }
 
 /// A row for each field from `at` on; the offset behind the last.
-fn fields(out: &mut String, bytes: &[u8], mut at: usize, fields: &[Field], of: &str) -> usize {
+fn fields(out: &mut String, bytes: &[u8], mut at: usize, fields: &[Field], block: &str) -> usize {
     for (name, read, unit) in fields {
         let (U(len) | I(len) | Text(len) | Bytes(len)) = *read;
         let here = bytes.get(at..at + len).unwrap_or(&[]);
@@ -166,7 +166,7 @@ fn fields(out: &mut String, bytes: &[u8], mut at: usize, fields: &[Field], of: &
             Text(_) => (format!("{len} bytes"), cell(String::from_utf8_lossy(here).trim_end_matches('\0'))),
             Bytes(_) => (format!("{len} bytes"), hex(here)),
         };
-        let _ = writeln!(out, "| {at} | {kind} | {of}{name} | {value} | {unit} |");
+        let _ = writeln!(out, "| {at} | {kind} | {block}{name} | {value} | {unit} |");
         at += len;
     }
     at

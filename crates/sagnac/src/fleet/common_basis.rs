@@ -61,12 +61,12 @@ fn series(axis: &AxisCalibration) -> Option<Vec<ParameterRow>> {
     };
     let onto = onto_common(axis.span(), &terms.iter().map(of_series).collect::<Option<Vec<_>>>()?)?;
     let row = |(term, weights): (&CorrectionTerm, Vec<(usize, f64)>)| {
-        let of = |(own, weight): &(usize, f64)| Some((axis.row_of(&terms[*own])?, *weight));
+        let weighted_row = |(own, weight): &(usize, f64)| Some((axis.row_of(&terms[*own])?, *weight));
         Some(ParameterRow {
             name: axis.name_of(term),
             unit: term.unit.clone(),
             value: weights.iter().map(|(own, weight)| weight * terms[*own].value).sum(),
-            of: weights.iter().map(of).collect::<Option<_>>()?,
+            of: weights.iter().map(weighted_row).collect::<Option<_>>()?,
         })
     };
     terms.iter().zip(onto).map(row).collect()
@@ -86,10 +86,10 @@ fn is_of_series(one: &CorrectionTerm, other: &CorrectionTerm) -> bool {
 
 /// Drift at rest less that at the record's T0, with its σ, °/h, at the common temperatures within the span.
 pub(super) fn common_curve(axis: &AxisCalibration) -> Vec<[f64; 3]> {
-    let of = |celsius: f64| {
+    let point = |celsius: f64| {
         let seen = axis.predict(celsius)?;
         let quantile = axis.residual()?.t_quantile_975;
         Some([celsius, seen.drift_dph, seen.curve_dph / quantile])
     };
-    COMMON_TEMPERATURES_C.into_iter().filter_map(of).collect()
+    COMMON_TEMPERATURES_C.into_iter().filter_map(point).collect()
 }

@@ -121,20 +121,20 @@ fn western_electric(z: &[f64]) -> Vec<Rule> {
     let Some(last) = z.last() else { return Vec::new() };
     let side = last.signum();
     let tail = |n: usize| z.len().checked_sub(n).map(|from| &z[from..]);
-    let of = |n: usize, least: usize, bound: f64| {
+    let breaks = |n: usize, least: usize, bound: f64| {
         side * last > bound && tail(n).is_some_and(|tail| tail.iter().filter(|z| side * **z > bound).count() >= least)
     };
     let mut broken = Vec::new();
     if last.abs() > 3.0 {
         broken.push(Rule::Beyond);
     }
-    if of(3, 2, 2.0) {
+    if breaks(3, 2, 2.0) {
         broken.push(Rule::TwoOfThree);
     }
-    if of(5, 4, 1.0) {
+    if breaks(5, 4, 1.0) {
         broken.push(Rule::FourOfFive);
     }
-    if of(8, 8, 0.0) {
+    if breaks(8, 8, 0.0) {
         broken.push(Rule::EightInARow);
     }
     broken

@@ -83,8 +83,8 @@ pub(super) fn matches(template: &Path, logs_of: impl FnOnce(&str) -> Result<Vec<
             take(folder, name, &mut values).map_err(|what| Error::input(what).file(text))?;
         }
         let mut value = |name: &str| values.remove(name).unwrap_or_default();
-        let of = value("use").parse().map_err(|e: Error| e.file(text))?;
-        Ok(MatchedLog { unit: value("unit"), lot: value("lot"), rig: value("rig"), of, log: log.clone() })
+        let use_of_log = value("use").parse().map_err(|e: Error| e.file(text))?;
+        Ok(MatchedLog { unit: value("unit"), lot: value("lot"), rig: value("rig"), of: use_of_log, log: log.clone() })
     };
     logs.into_iter().map(found).collect()
 }

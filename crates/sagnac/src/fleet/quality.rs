@@ -158,16 +158,16 @@ impl Quality {
             let (compared, effects) = rig_effects(&name, &unit, &values, FALSE_ALARM / tested as f64);
             out.compared += compared;
             out.rigs.extend(effects);
-            let of: Vec<String> = values.iter().map(AxisValue::name).collect();
+            let names: Vec<String> = values.iter().map(AxisValue::name).collect();
             let Some(chart) = ControlChart::new(values.iter().map(|value| value.value).collect()) else { continue };
-            for (of, value) in of.iter().zip(&chart.values) {
+            for (axis_name, value) in names.iter().zip(&chart.values) {
                 let sigmas = (value - chart.centre) / chart.sigma;
-                let further = odd.get(of).is_none_or(|found| sigmas.abs() > found.sigmas.abs());
+                let further = odd.get(axis_name).is_none_or(|found| sigmas.abs() > found.sigmas.abs());
                 if sigmas.abs() > ODD && further {
-                    odd.insert(of.clone(), Odd { of: of.clone(), quantity: name.clone(), sigmas });
+                    odd.insert(axis_name.clone(), Odd { of: axis_name.clone(), quantity: name.clone(), sigmas });
                 }
             }
-            out.charts.push(Quantity { name, unit, of, chart });
+            out.charts.push(Quantity { name, unit, of: names, chart });
         }
         out.odd = odd.into_values().collect();
         out.odd.sort_by(|a, b| b.sigmas.abs().total_cmp(&a.sigmas.abs()));
@@ -302,11 +302,11 @@ fn compared_rigs<'a>(lots: &[BTreeMap<&'a str, [f64; 2]>], variance: f64) -> Vec
     let mut names: Vec<&str> = lots.iter().flat_map(|lot| lot.keys().copied()).collect();
     names.sort_unstable();
     names.dedup();
-    let of = |rig: &'a str| {
+    let compared = |rig: &'a str| {
         let (mut sum, mut weights, mut axes) = (0.0, 0.0, 0);
         for lot in lots {
             let Some([n, mean]) = lot.get(rig) else { continue };
-            let others = lot.iter().filter(|(other, _)| **other != rig).map(|(_, of)| of);
+            let others = lot.iter().filter(|(other, _)| **other != rig).map(|(_, other)| other);
             let [m, total] = others.fold([0.0, 0.0], |[m, total], [n, mean]| [m + n, total + n * mean]);
             if *n < LEAST_COMPARED as f64 || m < LEAST_COMPARED as f64 {
                 continue;
@@ -319,7 +319,7 @@ fn compared_rigs<'a>(lots: &[BTreeMap<&'a str, [f64; 2]>], variance: f64) -> Vec
         let is_known = weights > 0.0 && weights.is_finite();
         is_known.then(|| ComparedRig { rig, difference: sum / weights, sigma: weights.sqrt().recip(), axes })
     };
-    names.into_iter().filter_map(of).collect()
+    names.into_iter().filter_map(compared).collect()
 }
 
 fn yields(results: &[UnitResult]) -> Vec<Yield> {
@@ -343,9 +343,9 @@ fn capabilities(results: &[UnitResult]) -> Vec<Capability> {
     for limit in results.iter().flat_map(|unit| &unit.axes).flat_map(|axis| &axis.limits) {
         all.entry((&limit.name, limit.bound.to_bits())).or_default().push(limit);
     }
-    let of = |((name, bound), of): ((&str, u64), Vec<&super::LimitResult>)| {
+    let capability = |((name, bound), limits): ((&str, u64), Vec<&super::LimitResult>)| {
         let bound = f64::from_bits(bound);
-        let values: Vec<f64> = of.iter().filter_map(|limit| limit.value).collect();
+        let values: Vec<f64> = limits.iter().filter_map(|limit| limit.value).collect();
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         let sigma = (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt();
@@ -355,16 +355,16 @@ fn capabilities(results: &[UnitResult]) -> Vec<Capability> {
         Capability {
             limit: name.to_owned(),
             bound,
-            asked: of.len(),
+            asked: limits.len(),
             n: values.len(),
-            not_met: of.iter().filter(|limit| limit.met == Some(false)).count(),
+            not_met: limits.iter().filter(|limit| limit.met == Some(false)).count(),
             mean,
             sigma,
             cpk: (values.len() >= LEAST_CAPABLE && sigma > ROUNDING * (mean.abs() + bound.abs()))
                 .then_some([cpk, error]),
         }
     };
-    let mut all: Vec<Capability> = all.into_iter().map(of).collect();
+    let mut all: Vec<Capability> = all.into_iter().map(capability).collect();
     let tightness = |found: &Capability| found.cpk.map_or(f64::INFINITY, |[cpk, _]| cpk);
     all.sort_by(|a, b| b.not_met.cmp(&a.not_met).then_with(|| tightness(a).total_cmp(&tightness(b))));
     all

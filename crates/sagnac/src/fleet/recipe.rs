@@ -83,14 +83,14 @@ impl Recipe {
     /// What is no recipe, or one of another version of this program: records of two versions do not belong into one fleet.
     pub fn from_json(text: &str) -> Result<Self> {
         let broken = |e: &dyn std::fmt::Display| Error::input(format!("not a recipe of a fleet: {e}"));
-        let of: serde_json::Value = serde_json::from_str(text).map_err(|e| broken(&e))?;
-        let theirs = of.get("program").and_then(serde_json::Value::as_str).unwrap_or_default();
+        let recipe: serde_json::Value = serde_json::from_str(text).map_err(|e| broken(&e))?;
+        let theirs = recipe.get("program").and_then(serde_json::Value::as_str).unwrap_or_default();
         if theirs != program() {
             return Err(Error::input(format!("asked by {theirs}, and this is {}", program()))
                 .help("start executors of the same version"));
         }
         let Sent { setup, model, source_date_epoch, prior, limits, program: _ } =
-            serde_json::from_value(of).map_err(|e| broken(&e))?;
+            serde_json::from_value(recipe).map_err(|e| broken(&e))?;
         // What was sent may be anything.
         setup.check()?;
         limits.iter().try_for_each(|(limits, _)| limits.check())?;

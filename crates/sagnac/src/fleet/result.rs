@@ -277,13 +277,13 @@ impl AxisResult {
         self.retest_before_dph = Some(proved.before.sigma_dph);
         self.retest_after_dph = Some(proved.after.sigma_dph);
         let asked = proved.limits.iter().filter(|limit| limit.pass.is_some());
-        let of = |limit: &Verdict| LimitResult {
+        let limit_result = |limit: &Verdict| LimitResult {
             name: limit.name.clone(),
             bound: limit.limit,
             value: limit.value,
             met: limit.pass,
         };
-        self.limits = asked.map(of).collect();
+        self.limits = asked.map(limit_result).collect();
     }
 
     /// Names of the limits that are not met or not decided.

@@ -126,15 +126,16 @@ fn words(refusal: &Refusal) -> String {
     place + &refusal.reason
 }
 
-fn axis(of: &AxisResult) -> String {
-    let residual = of.residual_dph.map_or(String::new(), |sigma| format!(", residual σ {} °/h", significant(sigma, 3)));
-    let floors = of.residual_dph.zip(of.noise_floor_dph).filter(|(_, floor)| *floor > 0.0);
+fn axis(result: &AxisResult) -> String {
+    let residual =
+        result.residual_dph.map_or(String::new(), |sigma| format!(", residual σ {} °/h", significant(sigma, 3)));
+    let floors = result.residual_dph.zip(result.noise_floor_dph).filter(|(_, floor)| *floor > 0.0);
     let floors =
         floors.map_or(String::new(), |(sigma, floor)| format!(" ({} of the floor)", significant(sigma / floor, 3)));
-    let not_met = if of.limits_not_met().is_empty() {
+    let not_met = if result.limits_not_met().is_empty() {
         String::new()
     } else {
-        format!(", not met: {}", of.limits_not_met().join(" "))
+        format!(", not met: {}", result.limits_not_met().join(" "))
     };
-    format!("{} `{}`{residual}{floors}{not_met}", of.axis, of.model)
+    format!("{} `{}`{residual}{floors}{not_met}", result.axis, result.model)
 }

@@ -85,12 +85,12 @@ impl Signal {
     /// Lowest and highest value in some windows, in its own unit.
     fn extremes(self, windows: &Windows, used: &[usize]) -> (f64, f64) {
         let rows = &windows.rows;
-        let of = |window: &usize| match self {
+        let range = |window: &usize| match self {
             Self::Thermometer(at) => (rows.min_c[at][*window], rows.max_c[at][*window]),
             Self::Difference { .. } => self.in_track(windows, *window),
             Self::Column(at) => (rows.aux_min[at][*window], rows.aux_max[at][*window]),
         };
-        used.iter().map(of).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (l, h)| (lo.min(l), hi.max(h)))
+        used.iter().map(range).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), (l, h)| (lo.min(l), hi.max(h)))
     }
 
     /// Lowest and highest value of its track in a window; its mean where there is no track.
@@ -238,7 +238,7 @@ impl SampledInput {
 
     /// Every input once more, for a second lag.
     pub(crate) fn repeated(all: &[Self]) -> Vec<Self> {
-        let of = |(at, input): (usize, &Self)| {
+        let repeat = |(at, input): (usize, &Self)| {
             let mut name = format!("slow {}", input.name);
             // A column may have that name already.
             while all.iter().any(|other| other.name == name) {
@@ -246,7 +246,7 @@ impl SampledInput {
             }
             Self { name, repeats: Some(at), ..input.clone() }
         };
-        all.iter().enumerate().map(of).collect()
+        all.iter().enumerate().map(repeat).collect()
     }
 
     /// True where an image has codes enough for its span.

@@ -15,7 +15,7 @@ pub fn work_of(model: &ModelSpec, inputs: usize) -> Work {
     // What is not multiplied has, together, a term of order 0 that makes it zero at its references.
     let with_zero = |terms: usize| if terms > 0 { terms + 1 } else { 0 };
     let zones = u32::from(model.thermometer().zones.saturating_sub(1));
-    let harmonics = model.inputs().iter().map(|of| of.harmonics.len() as u32).sum::<u32>();
+    let harmonics = model.inputs().iter().map(|terms| terms.harmonics.len() as u32).sum::<u32>();
     let turn = [Shape::Cosine { turns_q18: 0 }, Shape::Sine { turns_q18: 0 }].map(Shape::instructions);
     let shapes = zones * Shape::Zone { knot_q15: 0 }.instructions() + harmonics * turn.iter().sum::<u32>();
     let terms = with_zero(bias) + rated + with_zero(scale);

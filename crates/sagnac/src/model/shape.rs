@@ -302,8 +302,8 @@ impl Form {
 
     /// Its name, with its input in brackets unless that is the thermometer of the fit: `bias 2`, `rate(cavity) 0`.
     pub(crate) fn name(self, input: Option<&str>) -> String {
-        let of = input.map_or(String::new(), |input| format!("({input})"));
-        format!("{}{of} {}", self.word(), self.shape.words())
+        let brackets = input.map_or(String::new(), |input| format!("({input})"));
+        format!("{}{brackets} {}", self.word(), self.shape.words())
     }
 }
 

@@ -154,10 +154,10 @@ impl InputTerms {
         if self.steps.is_some() {
             forms.extend(thresholds.iter().map(|threshold| on_bias(TermShape::Step { threshold: *threshold })));
         }
-        let of = |acts_on| self.harmonics.iter().filter(move |harmonic| harmonic.acts_on == acts_on);
-        forms.extend(of(ActsOn::Bias).flat_map(|harmonic| harmonic.forms()));
+        let harmonics = |acts_on| self.harmonics.iter().filter(move |harmonic| harmonic.acts_on == acts_on);
+        forms.extend(harmonics(ActsOn::Bias).flat_map(|harmonic| harmonic.forms()));
         forms.extend((1..=self.scale).map(Form::scale));
-        forms.extend(of(ActsOn::ScaleFactor).flat_map(|harmonic| harmonic.forms()));
+        forms.extend(harmonics(ActsOn::ScaleFactor).flat_map(|harmonic| harmonic.forms()));
         forms
     }
 }
@@ -195,9 +195,9 @@ impl ModelSpec {
     /// Without the inputs that have no terms.
     pub(crate) fn drop_empty(&mut self) {
         let mut at = 0;
-        self.inputs.retain(|of| {
+        self.inputs.retain(|terms| {
             at += 1;
-            at == 1 || !of.is_empty()
+            at == 1 || !terms.is_empty()
         });
     }
 
@@ -213,18 +213,18 @@ impl ModelSpec {
 
     /// Inputs with a second lag, each of which an image describes once more.
     pub(crate) fn repeats(&self) -> usize {
-        self.inputs.iter().filter(|of| of.slow_rate.is_some()).count()
+        self.inputs.iter().filter(|terms| terms.slow_rate.is_some()).count()
     }
 
     /// Terms of its image without rate, with rate, and of the scale factor.
     pub(crate) fn image_terms(&self) -> [usize; 3] {
-        let sum = |of: &dyn Fn(&InputTerms) -> usize| self.inputs.iter().map(of).sum();
+        let sum = |count: &dyn Fn(&InputTerms) -> usize| self.inputs.iter().map(count).sum();
         [sum(&InputTerms::of_bias), sum(&InputTerms::rates), sum(&InputTerms::of_scale)]
     }
 
     /// What depends on an input; begun if nothing did.
     pub(crate) fn of_input(&mut self, input: &str) -> &mut InputTerms {
-        let at = self.inputs.iter().position(|of| of.input == input).unwrap_or_else(|| {
+        let at = self.inputs.iter().position(|terms| terms.input == input).unwrap_or_else(|| {
             self.inputs.push(InputTerms::of(input));
             self.inputs.len() - 1
         });
@@ -236,12 +236,12 @@ impl ModelSpec {
     pub fn candidates(with_rate: bool, with_scale: bool) -> Vec<Self> {
         let rates = if with_rate { vec![None, Some(0), Some(1), Some(2), Some(3)] } else { vec![None] };
         let scales = 0..=if with_scale { MAX_AUTO_SCALE_ORDER } else { 0 };
-        let of = |rate: Option<u8>, scale: u8| {
+        let biases = |rate: Option<u8>, scale: u8| {
             let terms = move |bias| InputTerms { bias, rate, scale, ..InputTerms::default() };
             (0..=MAX_ORDER).map(move |bias| Self::of_thermometer(terms(bias)))
         };
         let mut all: Vec<Self> =
-            rates.iter().flat_map(|rate| scales.clone().flat_map(move |scale| of(*rate, scale))).collect();
+            rates.iter().flat_map(|rate| scales.clone().flat_map(move |scale| biases(*rate, scale))).collect();
         all.sort_by_key(Self::coefficients);
         all
     }
@@ -253,27 +253,27 @@ impl fmt::Display for ModelSpec {
         for (at, InputTerms { input, bias, rate, slow_rate, scale, zones, steps, harmonics }) in
             self.inputs.iter().enumerate()
         {
-            let of = if at == 0 { String::new() } else { format!("({input})") };
+            let brackets = if at == 0 { String::new() } else { format!("({input})") };
             if at > 0 && *bias > 0 {
-                write!(f, ", bias{of} {bias}")?;
+                write!(f, ", bias{brackets} {bias}")?;
             }
             if let Some(rate) = rate {
-                write!(f, ", rate{of} {rate}")?;
+                write!(f, ", rate{brackets} {rate}")?;
             }
             if let Some(rate) = slow_rate {
-                write!(f, ", slow rate{of} {rate}")?;
+                write!(f, ", slow rate{brackets} {rate}")?;
             }
             if *zones > 1 {
-                write!(f, ", zones{of} {zones}")?;
+                write!(f, ", zones{brackets} {zones}")?;
             }
             if *scale > 0 {
-                write!(f, ", scale{of} {scale}")?;
+                write!(f, ", scale{brackets} {scale}")?;
             }
             if steps.is_some() {
-                write!(f, ", steps{of}")?;
+                write!(f, ", steps{brackets}")?;
             }
             for harmonic in harmonics {
-                write!(f, ", {}{of}", harmonic.word())?;
+                write!(f, ", {}{brackets}", harmonic.word())?;
                 if let Some(period) = harmonic.period.filter(|_| !harmonic.is_fitted) {
                     write!(f, " {period}")?;
                 }
@@ -371,12 +371,15 @@ impl FromStr for ModelSpec {
                 return Err(bad("an input without a name"));
             }
             if let Some(harmonic) = harmonic {
-                let of = spec.of_input(input.unwrap_or_default());
-                if of.harmonics.iter().any(|other| other.acts_on == harmonic.acts_on && other.period == harmonic.period)
+                let terms = spec.of_input(input.unwrap_or_default());
+                if terms
+                    .harmonics
+                    .iter()
+                    .any(|other| other.acts_on == harmonic.acts_on && other.period == harmonic.period)
                 {
                     return Err(bad("the same harmonic twice"));
                 }
-                of.harmonics.push(harmonic);
+                terms.harmonics.push(harmonic);
                 continue;
             }
             let order = part.order().map_err(bad)?;
@@ -401,7 +404,7 @@ impl FromStr for ModelSpec {
                 _ => return Err(bad("an unknown term")),
             }
         }
-        if spec.inputs.iter().any(|of| of.slow_rate.is_some() && of.rate.is_none()) {
+        if spec.inputs.iter().any(|terms| terms.slow_rate.is_some() && terms.rate.is_none()) {
             return Err(bad("a slow rate without the rate that it is slower than"));
         }
         spec.drop_empty();

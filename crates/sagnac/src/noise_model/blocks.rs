@@ -71,12 +71,12 @@ pub(crate) fn noise_of_blocks(blocks: Vec<Block>) -> Option<Estimated> {
 pub(crate) fn stated_or_shown(blocks: Vec<Block>, stated: RowNoise) -> RowNoise {
     let Some(likelihood) = likelihood(blocks) else { return stated };
     let Some(Estimated { best: shown, degrees, .. }) = shown(&likelihood) else { return stated };
-    let of = |noise: RowNoise| {
+    let noise_fit = |noise: RowNoise| {
         let Misfit { ssr, determinants } = likelihood.misfit(noise.slow)?;
         let variance = noise.white * (1.0 + noise.slow.parts_of_white());
         Some(NoiseFit { criterion: restricted(ssr, degrees, determinants, Some(noise.white)), variance })
     };
-    let exceeds = of(shown).zip(of(stated)).is_some_and(|(shown, stated)| shown.exceeds(&stated));
+    let exceeds = noise_fit(shown).zip(noise_fit(stated)).is_some_and(|(shown, stated)| shown.exceeds(&stated));
     if exceeds { shown } else { stated }
 }
 

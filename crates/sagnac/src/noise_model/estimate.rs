@@ -98,7 +98,8 @@ fn mixture(best: (SlowNoise, f64), first: &[(SlowNoise, f64)]) -> SlowNoise {
     let weighted = |(noise, criterion): &(SlowNoise, f64)| (*noise, (0.5 * (least - *criterion)).exp());
     let members: Vec<(SlowNoise, f64)> = first.iter().chain(&second).map(weighted).collect();
     let all: f64 = members.iter().map(|(_, weight)| weight).sum();
-    let mean = |of: &dyn Fn(SlowNoise) -> f64| members.iter().map(|(noise, w)| w * of(*noise)).sum::<f64>() / all;
+    let mean =
+        |variance: &dyn Fn(SlowNoise) -> f64| members.iter().map(|(noise, w)| w * variance(*noise)).sum::<f64>() / all;
     let markov = mean(&|noise| noise.markov.map_or(0.0, |(variance, _)| variance));
     let likeliest = members.iter().filter(|(noise, _)| noise.markov.is_some()).max_by(|a, b| a.1.total_cmp(&b.1));
     SlowNoise {

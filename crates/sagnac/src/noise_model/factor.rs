@@ -272,8 +272,9 @@ impl Solution {
         }
         let values = own.clone().singular_values();
         let inverse = own.try_inverse()?;
-        let of = |(at, row): (usize, nalgebra::RowDVector<f64>)| (!together.contains(&at)).then(|| row.norm_squared());
-        let vif = inverse.row_iter().map(|row| row.into_owned()).enumerate().map(of).collect();
+        let inflation =
+            |(at, row): (usize, nalgebra::RowDVector<f64>)| (!together.contains(&at)).then(|| row.norm_squared());
+        let vif = inverse.row_iter().map(|row| row.into_owned()).enumerate().map(inflation).collect();
         Some(Conditioning { condition: values.max() / values.min(), vif })
     }
 

@@ -138,7 +138,7 @@ pub fn enough(calibration: &Calibration, drawn: &ReportData, request: &EnoughReq
     }
     let window_s = calibration.setup.window().seconds().unwrap_or(calibration.sample_interval_s);
     for axis in &calibration.axes {
-        let points = drawn.axes.iter().find(|of| of.axis == axis.axis).map_or(&[][..], |of| &of.points);
+        let points = drawn.axes.iter().find(|drawn| drawn.axis == axis.axis).map_or(&[][..], |drawn| &drawn.points);
         open.extend(misfit_of(axis, points, window_s, request));
     }
     let so_far = |axis| axis_so_far(axis, window_s, request, &mut open);
@@ -396,11 +396,11 @@ impl<'a> Ahead<'a> {
     /// Mean variance of the correction over temperatures, at rest and on ramps in both directions.
     fn criterion(&self, covariance: &DMatrix<f64>) -> f64 {
         let rates: &[f64] = if self.of_rates > 0.0 { &[0.0, self.of_rates, -self.of_rates] } else { &[0.0] };
-        let of = |celsius: f64, rate: f64| {
+        let variance = |celsius: f64, rate: f64| {
             let w = self.correction(celsius, rate);
             w.iter().map(|(i, a)| w.iter().map(|(j, b)| a * b * covariance[(*i, *j)]).sum::<f64>()).sum::<f64>()
         };
-        let all = self.temperatures.iter().flat_map(|celsius| rates.iter().map(move |rate| of(*celsius, *rate)));
+        let all = self.temperatures.iter().flat_map(|celsius| rates.iter().map(move |rate| variance(*celsius, *rate)));
         all.sum::<f64>() / (self.temperatures.len() * rates.len()) as f64
     }
 

@@ -161,13 +161,13 @@ fn check(request: &PlanRequest) -> Result<()> {
 /// No test that is short enough: how near the best comes, and what it is short of.
 fn none(request: &PlanRequest, nearest: Option<Promise>) -> Error {
     let reached = nearest.map_or(String::new(), |promise| {
-        let taken = |of: &Expected| of.value_95 / (request.share * of.bound);
+        let taken = |expected: &Expected| expected.value_95 / (request.share * expected.bound);
         let worst = promise.expected.iter().max_by(|a, b| taken(a).total_cmp(&taken(b)));
-        let worst = worst.map_or(String::new(), |of| {
+        let worst = worst.map_or(String::new(), |worst| {
             format!(
                 ": its error takes up to {:.0} % of {}, and {:.0} % are allowed",
-                100.0 * of.value_95 / of.bound,
-                of.limit,
+                100.0 * worst.value_95 / worst.bound,
+                worst.limit,
                 100.0 * request.share
             )
         });

@@ -36,7 +36,7 @@ impl Passes {
         let centres = (0..)
             .map(|step| lo + BIN_C * (f64::from(step) + 0.5))
             .take_while(|centre_c| *centre_c <= hi - BIN_C / 2.0 + 1e-9);
-        let of = |centre_c: f64| {
+        let counted = |centre_c: f64| {
             let (mut passes, mut was_above, mut last) = (Self::default(), None, None);
             for point in points.iter().filter(|point| is_known(point)) {
                 // What was not recorded is not passed.
@@ -56,14 +56,14 @@ impl Passes {
             }
             passes
         };
-        centres.map(of).min_by_key(|passes| passes.all())
+        centres.map(counted).min_by_key(|passes| passes.all())
     }
 }
 
 /// The sweep that each window is in.
 pub(super) fn sweeps(points: &[WindowPoint]) -> Vec<u32> {
     let (mut sweep, mut is_up, mut extreme_c, mut run) = (0, None, f64::NAN, None);
-    let mut of = |point: &WindowPoint| {
+    let mut sweep_of = |point: &WindowPoint| {
         let now_c = point.temperature_c;
         if !is_known(point) {
             return sweep;
@@ -84,7 +84,7 @@ pub(super) fn sweeps(points: &[WindowPoint]) -> Vec<u32> {
         }
         sweep
     };
-    points.iter().map(&mut of).collect()
+    points.iter().map(&mut sweep_of).collect()
 }
 
 /// The test rested near one temperature after it was heated and after it was cooled.

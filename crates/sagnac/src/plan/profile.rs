@@ -199,13 +199,13 @@ struct MeanUnit {
 
 impl MeanUnit {
     fn new(prior: &UnitPrior, start_c: f64) -> Self {
-        let of = |start: &str| -> Vec<(usize, f64)> {
+        let orders = |start: &str| -> Vec<(usize, f64)> {
             let named = prior.terms.iter().zip(&prior.mean);
             named.filter_map(|(name, value)| Some((name.strip_prefix(start)?.parse().ok()?, *value))).collect()
         };
         let lag = |wanted: &str| prior.terms.iter().position(|name| name == wanted).map_or(1.0, |at| prior.mean[at]);
         let follows = ["lag_s", "slow lag_s"].map(|name| 1.0 - (-1.0 / lag(name).max(1.0)).exp());
-        Self { bias: of("bias "), rates: [of("rate "), of("slow rate ")], follows, lagged_c: [start_c; 2] }
+        Self { bias: orders("bias "), rates: [orders("rate "), orders("slow rate ")], follows, lagged_c: [start_c; 2] }
     }
 
     /// After one more second at a temperature of the block.

@@ -109,7 +109,8 @@ impl RateTableInput {
         let used: Vec<usize> = (0..windows.len()).filter(known).collect();
         let several = self.rates(used.iter().copied()).len() > 1;
         let n = used.len() as f64;
-        let mean = |of: &dyn Fn(usize) -> f64| if several { used.iter().map(|i| of(*i)).sum::<f64>() / n } else { 0.0 };
+        let mean =
+            |value: &dyn Fn(usize) -> f64| if several { used.iter().map(|i| value(*i)).sum::<f64>() / n } else { 0.0 };
         let along = |i: usize| self.along_dph[i];
         let measured = |i: usize| windows.rate_dph(axis, i);
         let (mean_along, mean_measured) = (mean(&along), mean(&measured));

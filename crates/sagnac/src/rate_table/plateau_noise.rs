@@ -108,10 +108,10 @@ fn level_columns(windows: &[TurnedWindow], levels: &[usize], rows: usize) -> DMa
             _ => windows[i].beyond_dph(),
         });
     }
-    let of = |i: usize, j: usize| {
+    let entry = |i: usize, j: usize| {
         if j == count { windows[i].beyond_dph() } else { f64::from(u8::from(levels[i] == different[j])) }
     };
-    DMatrix::from_fn(windows.len(), count + 1, of)
+    DMatrix::from_fn(windows.len(), count + 1, entry)
 }
 
 #[cfg(test)]

@@ -243,9 +243,10 @@ fn asymmetry(windows: &[TurnedWindow], groups: &[(f64, Vec<usize>)], noise: &Pla
 pub(crate) fn repeatability(plateaus: &[Plateau]) -> Option<Repeatability> {
     let mut sorted: Vec<&Plateau> = plateaus.iter().collect();
     sorted.sort_by(|a, b| a.temperature_c.total_cmp(&b.temperature_c));
-    let mean = |of: fn(&Plateau) -> f64| plateaus.iter().map(of).sum::<f64>() / plateaus.len().max(1) as f64;
+    let mean = |value: fn(&Plateau) -> f64| plateaus.iter().map(value).sum::<f64>() / plateaus.len().max(1) as f64;
     let (t, e) = (mean(|p| p.temperature_c), mean(|p| p.scale.ppm));
-    let moment = |of: &dyn Fn(&Plateau) -> f64| plateaus.iter().map(|p| (p.temperature_c - t) * of(p)).sum::<f64>();
+    let moment =
+        |value: &dyn Fn(&Plateau) -> f64| plateaus.iter().map(|p| (p.temperature_c - t) * value(p)).sum::<f64>();
     let spread = moment(&|p| p.temperature_c - t);
     let wide = spread > plateaus.len() as f64 * SAME_C * SAME_C;
     let per_c = if wide { moment(&|p| p.scale.ppm - e) / spread } else { 0.0 };

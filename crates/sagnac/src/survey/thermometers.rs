@@ -49,7 +49,7 @@ pub struct ThermometerSurvey {
 pub(super) fn thermometers(windows: &Windows) -> Vec<ThermometerSurvey> {
     let still = standing_still(windows);
     let one = |(at, name): (usize, &String)| {
-        let of =
+        let extreme =
             |column: &[f64], pick: fn(f64, f64) -> f64| column.iter().copied().filter(|t| t.is_finite()).reduce(pick);
         let readings = ThermometerReadings::of(windows, at);
         let mut faults: Vec<String> =
@@ -57,8 +57,8 @@ pub(super) fn thermometers(windows: &Windows) -> Vec<ThermometerSurvey> {
         faults.extend(readings.iter().filter_map(ThermometerReadings::frozen));
         ThermometerSurvey {
             name: name.clone(),
-            min_c: of(&windows.rows.min_c[at], f64::min),
-            max_c: of(&windows.rows.max_c[at], f64::max),
+            min_c: extreme(&windows.rows.min_c[at], f64::min),
+            max_c: extreme(&windows.rows.max_c[at], f64::max),
             noise_c: readings.as_ref().map(|readings| readings.sigma_c),
             reading_interval_s: readings.as_ref().map(|readings| readings.interval_s),
             resolution_c: readings.as_ref().and_then(|readings| readings.step_c),
@@ -102,7 +102,7 @@ impl<'a> ThermometerReadings<'a> {
         (lively && longest.len() >= FROZEN_READINGS).then(|| {
             format!(
                 "{} reads {:.3} °C for {hours:.2} h without its noise: frozen, or its readings are missing",
-                of(self.name),
+                in_words(self.name),
                 longest[0]
             )
         })
@@ -110,7 +110,7 @@ impl<'a> ThermometerReadings<'a> {
 }
 
 /// A thermometer's name in a sentence.
-fn of(name: &str) -> &str {
+fn in_words(name: &str) -> &str {
     if name.is_empty() { "the thermometer" } else { name }
 }
 
@@ -136,7 +136,7 @@ fn standing_still(windows: &Windows) -> Vec<(usize, String)> {
                     let hours = at as f64 * s_from_ns(windows.shape.period_ns) / 3600.0;
                     let what = format!(
                         "{} stands still at {:.2} °C while another thermometer moves, first seen {hours:.2} h after the start of {}",
-                        of(&names[place]),
+                        in_words(&names[place]),
                         track[at],
                         file_name(&run.name())
                     );

@@ -22,11 +22,12 @@ pub fn table_columns(windows: &Windows) -> Vec<(String, Content)> {
         ("reference_dps", Number),
         ("excluded", Text),
     ];
-    let of = |prefixes: [&'static str; 4], names: &[String]| -> Vec<String> {
+    let names_with = |prefixes: [&'static str; 4], names: &[String]| -> Vec<String> {
         names.iter().flat_map(|name| prefixes.map(|prefix| format!("{prefix}_{name}"))).collect()
     };
     let angles = shape.axes.iter().map(|axis| format!("angle_{axis}"));
-    let sensors = of(SENSOR_COLUMNS, &shape.thermometers).into_iter().chain(of(AUX_COLUMNS, &shape.aux));
+    let sensors =
+        names_with(SENSOR_COLUMNS, &shape.thermometers).into_iter().chain(names_with(AUX_COLUMNS, &shape.aux));
     let fixed = fixed.into_iter().map(|(name, content)| (name.to_owned(), content));
     fixed.chain(angles.chain(sensors).map(|name| (name, Number))).collect()
 }

@@ -286,7 +286,7 @@ fn page_of(
     console: &mut Console,
 ) -> Result<Option<Page>> {
     let Some(address) = page_address(args)? else { return Ok(None) };
-    let of = PageOf {
+    let content = PageOf {
         title: title_of(setup),
         subtitle: session.start.sources.join(", "),
         live: live.clone(),
@@ -295,9 +295,9 @@ fn page_of(
         stop: session.stop.clone(),
         share,
     };
-    let page = match Page::begin(of.clone(), address) {
+    let page = match Page::begin(content.clone(), address) {
         // The usual port may be another bench's.
-        Err(_) if args.page_address == PAGE => Page::begin(of, SocketAddr::from(([127, 0, 0, 1], 0)))?,
+        Err(_) if args.page_address == PAGE => Page::begin(content, SocketAddr::from(([127, 0, 0, 1], 0)))?,
         made => made?,
     };
     console.note(format!("the page: http://{}/?token={}", page.address, page.token));

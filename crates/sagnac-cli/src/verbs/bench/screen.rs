@@ -165,8 +165,8 @@ struct Curve {
 fn chart(frame: &mut Frame<'_>, area: Rect, title: &str, units: [&str; 2], curves: &[Curve]) {
     let block = Block::bordered().title(title.to_owned());
     let all = || curves.iter().flat_map(|curve| &curve.points);
-    let bounds = |of: fn(&(f64, f64)) -> f64| {
-        all().map(of).fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], v| [lo.min(v), hi.max(v)])
+    let bounds = |coordinate: fn(&(f64, f64)) -> f64| {
+        all().map(coordinate).fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], v| [lo.min(v), hi.max(v)])
     };
     let ([x_lo, x_hi], [y_lo, y_hi]) = (bounds(|p| p.0), bounds(|p| p.1));
     if !(x_lo < x_hi && y_lo.is_finite() && y_hi.is_finite()) {
@@ -223,32 +223,32 @@ fn temperature(frame: &mut Frame<'_>, area: Rect, state: &State) {
 }
 
 fn residual(frame: &mut Frame<'_>, area: Rect, state: &State) {
-    let of = |axis: &sagnac_bench::live::StudyAxis| Curve {
+    let curve = |axis: &sagnac_bench::live::StudyAxis| Curve {
         name: axis.axis.to_string(),
         points: axis.residuals.iter().map(|point| (point.temperature_c, point.after_dph)).collect(),
         dots: true,
     };
-    let all: Vec<Curve> = state.study.axes.iter().map(of).collect();
+    let all: Vec<Curve> = state.study.axes.iter().map(curve).collect();
     chart(frame, area, "3 residual on the fit so far", ["°C", "°/h"], &all);
 }
 
 fn known(frame: &mut Frame<'_>, area: Rect, state: &State) {
-    let of = |axis: &sagnac_bench::live::StudyAxis| Curve {
+    let curve = |axis: &sagnac_bench::live::StudyAxis| Curve {
         name: axis.axis.to_string(),
         points: axis.curve.iter().map(|at| (at.temperature_c, at.half_dph)).collect(),
         dots: false,
     };
-    let all: Vec<Curve> = state.study.axes.iter().map(of).collect();
+    let all: Vec<Curve> = state.study.axes.iter().map(curve).collect();
     chart(frame, area, "4 half of the curve's 95 % interval", ["°C", "°/h"], &all);
 }
 
 fn allan(frame: &mut Frame<'_>, area: Rect, state: &State) {
-    let of = |(axis, curve): &(char, Vec<sagnac_bench::live::DeviationAt>)| Curve {
+    let drawn = |(axis, curve): &(char, Vec<sagnac_bench::live::DeviationAt>)| Curve {
         name: axis.to_string(),
         points: curve.iter().filter(|at| at.adev_dph > 0.0).map(|at| (at.tau_s.log10(), at.adev_dph.log10())).collect(),
         dots: false,
     };
-    let all: Vec<Curve> = state.study.allan.iter().map(of).collect();
+    let all: Vec<Curve> = state.study.allan.iter().map(drawn).collect();
     chart(frame, area, "5 Allan deviation so far", ["log10 τ/s", "log10 °/h"], &all);
 }
 

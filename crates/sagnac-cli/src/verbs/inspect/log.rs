@@ -227,8 +227,8 @@ fn missing(axes: &[AxisSurvey], console: &mut Console) {
     console.say("");
     console.say("as a retest it has no figure for these limits:");
     for (line, letters) in said {
-        let of = if letters.len() == axes.len() { String::new() } else { format!("axis {}: ", letters.join(" ")) };
-        console.say(format!("  {of}{line}"));
+        let prefix = if letters.len() == axes.len() { String::new() } else { format!("axis {}: ", letters.join(" ")) };
+        console.say(format!("  {prefix}{line}"));
     }
 }
 

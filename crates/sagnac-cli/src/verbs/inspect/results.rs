@@ -113,8 +113,8 @@ pub(super) fn json(path: &Path, console: &mut Console) -> Result<bool> {
 
 /// A log that `compensate` wrote, with what its first line says of it.
 pub(super) fn compensated(stamp: Option<&str>, console: &mut Console) -> Result<()> {
-    let of = stamp.map_or(String::new(), |stamp| format!(" ({})", stamp.trim_start_matches(':').trim()));
-    let what = format!("a compensated log{of}: calibrating it or correcting it again would be wrong twice");
+    let origin = stamp.map_or(String::new(), |stamp| format!(" ({})", stamp.trim_start_matches(':').trim()));
+    let what = format!("a compensated log{origin}: calibrating it or correcting it again would be wrong twice");
     said("compensated_log", what, console).map(|_| ())
 }
 
@@ -233,6 +233,6 @@ fn toml(path: &Path, console: &mut Console) -> Result<bool> {
         return said("scenario", "a scenario, for `sagnac simulate`".to_owned(), console);
     }
     let setup = Setup::read(path)?;
-    let of = setup.serial.map_or(String::new(), |serial| format!(" of {serial}"));
-    said("setup", format!("a setup{of}, for --setup"), console)
+    let owner = setup.serial.map_or(String::new(), |serial| format!(" of {serial}"));
+    said("setup", format!("a setup{owner}, for --setup"), console)
 }

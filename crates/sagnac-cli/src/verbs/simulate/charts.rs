@@ -216,10 +216,10 @@ pub(crate) fn bode_page(scenario: &Scenario, sweeps: &[Bode]) -> ChartPage {
             ..Chart::default()
         };
         let db = |gain: f64| 20.0 * gain.log10();
-        let of = |value: &dyn Fn(&BodePoint) -> f64| sweep.points.iter().map(value).collect::<Vec<f64>>();
+        let values = |value: &dyn Fn(&BodePoint) -> f64| sweep.points.iter().map(value).collect::<Vec<f64>>();
         [
-            chart("gain", "open-loop gain, dB", curves(of(&|p| db(p.gain)), of(&|p| db(p.design_gain)))),
-            chart("phase", "open-loop phase, deg", curves(of(&|p| p.phase_deg), of(&|p| p.design_phase_deg))),
+            chart("gain", "open-loop gain, dB", curves(values(&|p| db(p.gain)), values(&|p| db(p.design_gain)))),
+            chart("phase", "open-loop phase, deg", curves(values(&|p| p.phase_deg), values(&|p| p.design_phase_deg))),
         ]
     });
     ChartPage {

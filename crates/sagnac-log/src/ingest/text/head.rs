@@ -353,7 +353,10 @@ fn bare(unit: &str) -> String {
 /// The ending of Sagnac's header for a quantity in a unit.
 fn ending_of(quantity: &str, unit: &str) -> Option<&'static str> {
     let unit = bare(unit);
-    UNITS.iter().find(|(of, units, _)| *of == quantity && units.contains(&unit.as_str())).map(|(.., ending)| *ending)
+    UNITS
+        .iter()
+        .find(|(kind, units, _)| *kind == quantity && units.contains(&unit.as_str()))
+        .map(|(.., ending)| *ending)
 }
 
 /// True for the name of a unit of any quantity.
@@ -366,7 +369,7 @@ pub(crate) fn is_unit(cell: &str) -> bool {
 fn refuse_other_unit(name: &str, unit: &str) -> Result<()> {
     let lower = name.to_lowercase();
     let (quantity, rest) = quantity_of(&lower);
-    let endings = || UNITS.iter().filter(|(of, ..)| *of == quantity).map(|(.., ending)| *ending);
+    let endings = || UNITS.iter().filter(|(kind, ..)| *kind == quantity).map(|(.., ending)| *ending);
     if bare(unit).is_empty() || is_missing(bare(unit).as_bytes()) || endings().next().is_none() {
         return Ok(());
     }

@@ -29,7 +29,7 @@ pub(crate) fn recorded_inputs(
         rms_dph: parts.map(|parts| parts.rms_of(at)),
         ..input
     };
-    let of = |signal: Signal| {
+    let input_of = |signal: Signal| {
         let own = problem.inputs.iter().position(|input| input.signal == signal);
         // A thermometer that only a difference needs has no terms, but it has a span.
         let bare = own.is_none().then(|| SampledInput::new(signal, windows, &problem.used, setup.reference_c()));
@@ -45,14 +45,14 @@ pub(crate) fn recorded_inputs(
         let input = as_set_up(repeated, &windows.shape, setup).repeat(problem.inputs[at].name.clone());
         Some(fitted_with(at, input))
     });
-    channels(Signal::Thermometer(sensor), &named).into_iter().filter_map(of).chain(slow).collect()
+    channels(Signal::Thermometer(sensor), &named).into_iter().filter_map(input_of).chain(slow).collect()
 }
 
 /// Terms over those inputs.
 pub(crate) fn terms(fitted: &Fitted, problem: &LeastSquares<'_>, inputs: &[Input]) -> Vec<CorrectionTerm> {
     let levels = problem.levels().len();
     let vif = |at: usize| fitted.conditioning.as_ref().and_then(|found| *found.vif.get(at)?);
-    let of = |(at, column): (usize, &TermColumn)| {
+    let term = |(at, column): (usize, &TermColumn)| {
         let (value, sigma) = (fitted.theta[levels + at], fitted.sigma(levels + at));
         let sampled = &problem.inputs[column.input];
         // The thermometer of the fit goes by the name that the record gives it.
@@ -69,7 +69,7 @@ pub(crate) fn terms(fitted: &Fitted, problem: &LeastSquares<'_>, inputs: &[Input
             vif: vif(at),
         }
     };
-    fitted.terms.iter().enumerate().map(of).collect()
+    fitted.terms.iter().enumerate().map(term).collect()
 }
 
 fn as_set_up(sampled: &SampledInput, shape: &WindowShape, setup: &Setup) -> Input {

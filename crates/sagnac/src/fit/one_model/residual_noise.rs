@@ -77,7 +77,7 @@ fn shows_more_than(problem: &LeastSquares<'_>, fitted: &Fitted, stated: (SlowNoi
         return false;
     };
     let degrees = (problem.len() - parameters) as f64;
-    let of = |noise: SlowNoise, white: Option<f64>| {
+    let noise_fit = |noise: SlowNoise, white: Option<f64>| {
         let whitening = Whitening::new(problem.noise_rows(), noise);
         let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
         design.whitening = Some(&whitening);
@@ -88,7 +88,9 @@ fn shows_more_than(problem: &LeastSquares<'_>, fitted: &Fitted, stated: (SlowNoi
         let variance = of_terms * white.unwrap_or(solution.ssr / degrees);
         Some(NoiseFit { criterion: restricted(solution.ssr, degrees, determinants, white), variance })
     };
-    of(shown, None).zip(of(stated.0, Some(stated.1))).is_some_and(|(shown, stated)| shown.exceeds(&stated))
+    noise_fit(shown, None)
+        .zip(noise_fit(stated.0, Some(stated.1)))
+        .is_some_and(|(shown, stated)| shown.exceeds(&stated))
 }
 
 /// The fit with the covariance C that its weights have under this noise, beside a white variance. The variances of slow noise are

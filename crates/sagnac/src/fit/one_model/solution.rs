@@ -252,8 +252,8 @@ fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn],
                 continue;
             }
             let with = |tau_s: f64| -> Vec<(usize, f64)> {
-                let of = |(other, tau): (usize, &Tau)| (tau.input, if other == at { tau_s } else { tau.value_s });
-                taus.iter().enumerate().map(of).collect()
+                let tau_of = |(other, tau): (usize, &Tau)| (tau.input, if other == at { tau_s } else { tau.value_s });
+                taus.iter().enumerate().map(tau_of).collect()
             };
             let grid = taus_s.get(problem.tau_from()[taus[at].input]..).unwrap_or(&[]);
             let degrees = (problem.len() as f64 - (problem.levels().len() + terms.len()) as f64).max(1.0);
@@ -318,7 +318,7 @@ fn tau_columns(design: &Design<'_>, taus: &[Tau], theta: &[f64]) -> Vec<Vec<f64>
 
 /// Index of the cosine and the period of every harmonic whose period is a parameter of the fit.
 fn fitted_periods(spec: &ModelSpec, terms: &[TermColumn]) -> Vec<(usize, f64)> {
-    let harmonics = spec.inputs().iter().flat_map(|of| &of.harmonics);
+    let harmonics = spec.inputs().iter().flat_map(|terms| &terms.harmonics);
     let fitted: Vec<f64> = harmonics.filter(|wave| wave.is_fitted).filter_map(|wave| wave.period).collect();
     let cosine = |(at, term): (usize, &TermColumn)| match term.form.shape {
         TermShape::Cosine { period } if fitted.contains(&period) => Some((at, period)),
@@ -332,7 +332,7 @@ fn fitted_periods(spec: &ModelSpec, terms: &[TermColumn]) -> Vec<(usize, f64)> {
 fn period_columns(design: &Design<'_>, spec: &ModelSpec, theta: &[f64]) -> Vec<Vec<f64>> {
     const STEP_TURNS: f64 = 1e-3;
     let problem = design.problem;
-    let of = |(cosine, period): (usize, f64)| {
+    let column = |(cosine, period): (usize, f64)| {
         let span = problem.inputs[design.terms[cosine].input].span;
         let step = STEP_TURNS * period * period / (span.hi - span.lo);
         let wave = |by: f64, row: usize| -> f64 {
@@ -347,7 +347,7 @@ fn period_columns(design: &Design<'_>, spec: &ModelSpec, theta: &[f64]) -> Vec<V
         };
         (0..problem.len()).map(|row| (wave(step, row) - wave(-step, row)) / (2.0 * step)).collect()
     };
-    fitted_periods(spec, design.terms).into_iter().map(of).collect()
+    fitted_periods(spec, design.terms).into_iter().map(column).collect()
 }
 
 /// Misfit of a model at given lags.

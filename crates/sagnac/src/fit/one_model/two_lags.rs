@@ -178,8 +178,8 @@ impl PairSearch<'_> {
 
     /// Changes of ln τ that the linearized model asks for.
     fn step(&self, design: &Design<'_>, pair: [f64; 2], of_terms: &[f64]) -> Option<[f64; 2]> {
-        let of = |i: usize| Tau { input: self.inputs()[i], value_s: pair[i], resolved: true };
-        let slopes: Vec<Vec<f64>> = (0..2).map(|i| design.slope_of_lag(&of(i), of_terms)).collect();
+        let tau = |i: usize| Tau { input: self.inputs()[i], value_s: pair[i], resolved: true };
+        let slopes: Vec<Vec<f64>> = (0..2).map(|i| design.slope_of_lag(&tau(i), of_terms)).collect();
         let solved = design.solve_terms(&slopes)?;
         let change = |i: usize| (solved[solved.len() - 2 + i] / pair[i]).clamp(-MOST_CHANGE, MOST_CHANGE);
         Some([change(0), change(1)])

@@ -80,11 +80,11 @@ pub(crate) fn gate(known: &Known, solved: &Solved, prior: &UnitPrior, spare_rows
     // Noise alone, whose variance is that of the rows beyond all columns.
     let m = alike.len() as f64;
     let misfit_max = FisherSnedecor::new(m, spare_rows).map_or(0.0, |f| (m * f.inverse_cdf(MISFIT)).sqrt());
-    let unnoticed = |at: usize, of: &str| {
+    let unnoticed = |at: usize, prefix: &str| {
         let (bound, others) = if different.contains(&at) { (distance_max, k) } else { (misfit_max, m) };
-        unnoticed_error(known, solved, prior, (at, of), (bound.powi(2) - others + 1.0).max(0.0).sqrt() + ONE_OF_TEN)
+        unnoticed_error(known, solved, prior, (at, prefix), (bound.powi(2) - others + 1.0).max(0.0).sqrt() + ONE_OF_TEN)
     };
-    let most_unnoticed = |of: &str| (0..solved.z.len()).map(|at| unnoticed(at, of)).fold(0.0, f64::max);
+    let most_unnoticed = |prefix: &str| (0..solved.z.len()).map(|at| unnoticed(at, prefix)).fold(0.0, f64::max);
     let (unnoticed_dph, unnoticed_rate) = (most_unnoticed("bias "), most_unnoticed("rate "));
     let variance = solved.singular.iter().map(|s| s.powi(2) / (s.powi(2) + solved.variance));
     let used = PriorUse {
@@ -232,8 +232,8 @@ pub(crate) fn residual_like_the_fleets(
 }
 
 /// Where something is largest.
-fn most(count: usize, of: impl Fn(usize) -> f64) -> usize {
-    (0..count).max_by(|a, b| of(*a).total_cmp(&of(*b))).unwrap_or(0)
+fn most(count: usize, size: impl Fn(usize) -> f64) -> usize {
+    (0..count).max_by(|a, b| size(*a).total_cmp(&size(*b))).unwrap_or(0)
 }
 
 fn not_of_fleet(why: String) -> Error {

@@ -53,7 +53,7 @@ fn check_run(windows: &Windows, run: usize) -> Result<()> {
         .help("find the cause; cut the log there, or keep all of it with --keep-outliers"));
     }
     let is_suspect = |i: &usize| matches!(rows.excluded[*i], Some(Reason::Motion | Reason::Step | Reason::StartUp));
-    let count = |of: &mut dyn Iterator<Item = usize>| of.map(|i| f64::from(rows.samples[i])).sum::<f64>();
+    let count = |members: &mut dyn Iterator<Item = usize>| members.map(|i| f64::from(rows.samples[i])).sum::<f64>();
     let excluded = count(&mut members.iter().copied().filter(is_suspect));
     let all = count(&mut members.iter().copied());
     if excluded <= MOST * all {

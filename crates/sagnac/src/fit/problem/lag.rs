@@ -143,10 +143,10 @@ struct RunningSums {
 }
 
 impl RunningSums {
-    fn new(of: &LagRate<'_>, first_c: f64) -> Self {
-        let alpha = -(-of.period_s / of.tau_s).exp_m1();
-        let (per_minute, sums) = (60.0 / of.period_s, [0.0; RATE_COLUMNS]);
-        Self { span: of.span, alpha, period_s: of.period_s, per_minute, lag_c: first_c, kept: (0, 1.0), sums }
+    fn new(rate: &LagRate<'_>, first_c: f64) -> Self {
+        let alpha = -(-rate.period_s / rate.tau_s).exp_m1();
+        let (per_minute, sums) = (60.0 / rate.period_s, [0.0; RATE_COLUMNS]);
+        Self { span: rate.span, alpha, period_s: rate.period_s, per_minute, lag_c: first_c, kept: (0, 1.0), sums }
     }
 
     /// So many grid points of one temperature: lag ← T + (1 − α)ⁿ·(lag − T), and the sums grow by the change of the lag.

@@ -41,17 +41,17 @@ impl CommonRates {
 }
 
 impl KnownRates {
-    pub(crate) fn find(&self, of: &SampledInput, tau_s: f64) -> Option<RateRows> {
+    pub(crate) fn find(&self, input: &SampledInput, tau_s: f64) -> Option<RateRows> {
         let known = self.0.read().ok()?;
-        known.iter().find(|rate| rate.is_of(of, tau_s)).map(|rate| Arc::clone(&rate.rows))
+        known.iter().find(|rate| rate.is_of(input, tau_s)).map(|rate| Arc::clone(&rate.rows))
     }
 
-    pub(crate) fn keep(&self, of: &SampledInput, tau_s: f64, rows: &RateRows) {
+    pub(crate) fn keep(&self, input: &SampledInput, tau_s: f64, rows: &RateRows) {
         if let Ok(mut known) = self.0.write()
             && (known.len() + 1) * rows.len() <= MOST_KNOWN_ROWS
-            && !known.iter().any(|rate| rate.is_of(of, tau_s))
+            && !known.iter().any(|rate| rate.is_of(input, tau_s))
         {
-            known.push(KnownRate { signal: of.signal, span: of.span, tau_s, rows: Arc::clone(rows) });
+            known.push(KnownRate { signal: input.signal, span: input.span, tau_s, rows: Arc::clone(rows) });
         }
     }
 }

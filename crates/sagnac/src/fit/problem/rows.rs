@@ -185,7 +185,7 @@ impl<'a> AxisRows<'a> {
 
     /// The terms of a model, in the order of its parameters, without those of inputs that the problem does not have.
     pub(crate) fn terms(&self, spec: &ModelSpec) -> Vec<TermColumn> {
-        let known = spec.inputs().iter().filter_map(|of| Some((self.index_of(of)?, of)));
+        let known = spec.inputs().iter().filter_map(|terms| Some((self.index_of(terms)?, terms)));
         let of_input = |(input, of): (usize, &InputTerms)| {
             let sampled = &self.inputs[input];
             let forms = of.forms(&knots(of.zones, sampled.span), &sampled.thresholds());

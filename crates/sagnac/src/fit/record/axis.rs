@@ -245,14 +245,14 @@ fn hysteresis(points: &[WindowPoint], residual: &FitResidual) -> Option<Hysteres
 
 fn covariance_of(fitted: &Fitted, problem: &LeastSquares<'_>) -> Vec<String> {
     let named = |input: usize, name: &dyn Fn(Option<&str>) -> String| {
-        let of = |input: usize| (input > 0).then(|| problem.inputs[input].name.as_str());
+        let input_name = |input: usize| (input > 0).then(|| problem.inputs[input].name.as_str());
         match problem.inputs[input].repeats {
-            Some(repeated) => format!("slow {}", name(of(repeated))),
-            None => name(of(input)),
+            Some(repeated) => format!("slow {}", name(input_name(repeated))),
+            None => name(input_name(input)),
         }
     };
     let runs = problem.levels().iter().map(|level| level.name(&problem.runs));
-    let terms = fitted.terms.iter().map(|term| named(term.input, &|of| term.form.name(of)));
+    let terms = fitted.terms.iter().map(|term| named(term.input, &|input| term.form.name(input)));
     let others = fitted
         .nonlinear()
         .into_iter()
@@ -275,7 +275,7 @@ fn run_offsets(fitted: &Fitted, problem: &LeastSquares<'_>, input_dph: Option<f6
 
 /// Drift in time and warm-up beside the terms; without the warm-up where it is corrected.
 fn time_effects(fitted: &Fitted, problem: &LeastSquares<'_>, corrects_warm_up: bool) -> Vec<TimeEffect> {
-    let of = |(place, level): (usize, &Level)| {
+    let effect = |(place, level): (usize, &Level)| {
         let (kind, run, unit, tau_s) = match *level {
             Level::Drift(run) => (TimeEffectKind::Drift, run.map(|index| problem.runs[index] as u32), "deg/h/h", None),
             Level::WarmUp { .. } if corrects_warm_up => return None,
@@ -285,7 +285,7 @@ fn time_effects(fitted: &Fitted, problem: &LeastSquares<'_>, corrects_warm_up: b
         let (value, sigma) = (fitted.theta[place], fitted.sigma(place));
         Some(TimeEffect { kind, run, value, sigma, unit: unit.to_owned(), tau_s })
     };
-    problem.levels().iter().enumerate().filter_map(of).collect()
+    problem.levels().iter().enumerate().filter_map(effect).collect()
 }
 
 fn residual(fitted: &Fitted) -> FitResidual {

@@ -61,9 +61,9 @@ pub(crate) fn check_codes(problem: &LeastSquares<'_>) -> Result<()> {
 
 /// Refuses scale terms at one input rate, where a scale factor is a bias.
 pub(crate) fn check_scale_rates(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Result<()> {
-    let scaled = spec.inputs().iter().find(|of| of.scale > 0);
-    let term = scaled.map(|of| match of.input.as_str() {
-        "" => format!("scale {}", of.scale),
+    let scaled = spec.inputs().iter().find(|terms| terms.scale > 0);
+    let term = scaled.map(|terms| match terms.input.as_str() {
+        "" => format!("scale {}", terms.scale),
         input => format!("scale({input})"),
     });
     term.filter(|_| !several_rates(problem)).map_or(Ok(()), |term| {

@@ -78,7 +78,8 @@ fn searched<'a>(
     let Some(path) = walked else {
         return Ok(selected(make(&[main])?, spec, mean_square, Vec::new()));
     };
-    let named = path.spec.inputs()[1..].iter().filter_map(|of| all.input(&of.input)).map(|at| all.inputs[at].signal);
+    let named =
+        path.spec.inputs()[1..].iter().filter_map(|terms| all.input(&terms.input)).map(|at| all.inputs[at].signal);
     let needed: Vec<Signal> = std::iter::once(main).chain(named).collect();
     let (problem, mut spec) = (make(&needed)?, path.spec);
     count_steps(&problem, &mut spec)?;

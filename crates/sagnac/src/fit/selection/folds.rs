@@ -141,14 +141,14 @@ pub(crate) fn columns_of_grid(spec: &ModelSpec, known: &[usize], levels: usize) 
     let bias = levels;
     let rate = bias + BIAS_COLUMNS;
     let scale = rate + RATE_COLUMNS;
-    let of = spec.thermometer();
-    let rates = of.rate.map_or(0, |order| usize::from(order) + 1);
+    let terms = spec.thermometer();
+    let rates = terms.rate.map_or(0, |order| usize::from(order) + 1);
     known
         .iter()
         .copied()
-        .chain(bias..bias + usize::from(of.bias))
+        .chain(bias..bias + usize::from(terms.bias))
         .chain(rate..rate + rates)
-        .chain(scale..scale + usize::from(of.scale))
+        .chain(scale..scale + usize::from(terms.scale))
         .collect()
 }
 

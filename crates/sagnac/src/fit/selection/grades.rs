@@ -37,8 +37,8 @@ pub(crate) struct Grades {
 
 impl Grades {
     /// Of some specs the one of the least grade at its best τ.
-    pub(crate) fn best(&self, of: &[usize]) -> Option<usize> {
-        let graded = self.all.iter().filter(|graded| of.contains(&graded.spec));
+    pub(crate) fn best(&self, members: &[usize]) -> Option<usize> {
+        let graded = self.all.iter().filter(|graded| members.contains(&graded.spec));
         let grade = |graded: &Graded| graded.solution.ssr / self.variance + graded.price;
         graded.min_by(|a, b| grade(a).total_cmp(&grade(b))).map(|graded| graded.spec)
     }

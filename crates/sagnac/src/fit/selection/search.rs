@@ -217,7 +217,7 @@ pub(crate) fn fits_image(problem: &LeastSquares<'_>, spec: &ModelSpec) -> bool {
 pub(crate) fn inputs_read(problem: &LeastSquares<'_>, spec: &ModelSpec) -> usize {
     let named: Vec<_> = spec.inputs()[1..]
         .iter()
-        .filter_map(|of| problem.input(&of.input))
+        .filter_map(|terms| problem.input(&terms.input))
         .map(|at| problem.inputs[at].signal)
         .collect();
     channels(problem.inputs[0].signal, &named).len() + spec.repeats()
@@ -225,8 +225,8 @@ pub(crate) fn inputs_read(problem: &LeastSquares<'_>, spec: &ModelSpec) -> usize
 
 /// Orders of the rates of an input with a second lag, or with one order more of it. A second lag may be found only with a slope over
 /// the input, or only together with the first: one lag between the two may be no better than none.
-fn slower(problem: &LeastSquares<'_>, of: &InputTerms) -> Vec<(Option<u8>, Option<u8>)> {
-    match (of.rate, of.slow_rate) {
+fn slower(problem: &LeastSquares<'_>, terms: &InputTerms) -> Vec<(Option<u8>, Option<u8>)> {
+    match (terms.rate, terms.slow_rate) {
         _ if !problem.has_rate() => Vec::new(),
         (None, _) => vec![(Some(0), Some(0))],
         (rate, None) => (0..=MOST_RATE).map(|slow| (rate, Some(slow))).collect(),
@@ -260,9 +260,9 @@ pub(crate) fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSp
     }
     for input in problem.others() {
         let name = input.name.as_str();
-        let now = from.inputs()[1..].iter().find(|of| of.input == name);
-        let (bias, scale) = now.map_or((0, 0), |of| (of.bias, of.scale));
-        let rate = now.and_then(|of| of.rate);
+        let now = from.inputs()[1..].iter().find(|terms| terms.input == name);
+        let (bias, scale) = now.map_or((0, 0), |terms| (terms.bias, terms.scale));
+        let rate = now.and_then(|terms| terms.rate);
         if bias < MOST_BIAS {
             add(&|spec| spec.of_input(name).bias += 1);
         }
@@ -276,7 +276,7 @@ pub(crate) fn grown(problem: &LeastSquares<'_>, from: &ModelSpec) -> Vec<ModelSp
             add(&|spec| spec.of_input(name).scale += 1);
         }
         let steps = input.thresholds().len();
-        if steps > 0 && now.is_none_or(|of| of.steps.is_none()) {
+        if steps > 0 && now.is_none_or(|terms| terms.steps.is_none()) {
             add(&|spec| spec.of_input(name).steps = u8::try_from(steps).ok());
         }
     }

@@ -233,8 +233,8 @@ fn most_increase(noise: &CorrectionNoise) -> f64 {
 fn without_rate(problem: &LeastSquares<'_>, spec: &ModelSpec, input: usize) -> ModelSpec {
     let mut spec = spec.clone();
     let repeats = problem.inputs[input].repeats;
-    let of = repeats.unwrap_or(input);
-    let name = if of == 0 { "" } else { problem.inputs[of].name.as_str() };
+    let source = repeats.unwrap_or(input);
+    let name = if source == 0 { "" } else { problem.inputs[source].name.as_str() };
     spec.of_input(name).drop_rate(repeats.is_some());
     spec.drop_empty();
     spec

@@ -23,7 +23,7 @@ pub(crate) fn beside_curve(
     curve: impl Fn(f64) -> (f64, f64),
 ) -> (Option<CurveSpread>, Option<LackOfFit>) {
     let problem = &selected.problem;
-    let is_of_series = |of: &InputTerms| of.harmonics.is_empty() && of.slow_rate.is_none();
+    let is_of_series = |terms: &InputTerms| terms.harmonics.is_empty() && terms.slow_rate.is_none();
     if selected.spec.inputs().len() > 1 || !is_of_series(selected.spec.thermometer()) {
         return (None, None);
     }

@@ -44,11 +44,11 @@ pub(crate) fn spread(
     let at = |point: usize| {
         let celsius = temperature(problem, point);
         let (drift_dph, own) = curve(celsius);
-        let of = |(weight, curve): &(f64, &Vec<(f64, f64)>)| {
+        let spread = |(weight, curve): &(f64, &Vec<(f64, f64)>)| {
             let (value, variance) = curve[point];
             weight / total * (variance + (value - drift_dph).powi(2))
         };
-        let sum: f64 = near.iter().map(of).sum();
+        let sum: f64 = near.iter().map(spread).sum();
         (celsius, (sum - own).max(0.0).sqrt())
     };
     let (temperature_c, sigma_dph): (Vec<f64>, Vec<f64>) = (0..POINTS).map(at).unzip();

@@ -38,13 +38,13 @@ pub(crate) fn entangled(
         (MovedTogether::TemperatureRate, rate_explained(points), has_rate),
         (MovedTogether::Time, time_explained(points), has_time),
     ];
-    let of = |(with, explained, is_fitted): (MovedTogether, Option<f64>, bool)| {
+    let entanglement = |(with, explained, is_fitted): (MovedTogether, Option<f64>, bool)| {
         let explained_fraction = explained.filter(|part| *part > TOGETHER)?;
         let spread = (!is_fitted).then(|| added(problem, noise, fitted, with));
         let sigma_dph = spread.as_ref().map(|spread| spread.sigma_dph.iter().copied().fold(0.0, f64::max));
         Some(Entanglement { with, explained_fraction, sigma_dph, spread })
     };
-    sources.into_iter().filter_map(of).collect()
+    sources.into_iter().filter_map(entanglement).collect()
 }
 
 /// σ that a column adds to the curve at every point of the span: the largest of its lags.

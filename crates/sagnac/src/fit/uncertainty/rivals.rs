@@ -238,11 +238,11 @@ impl<'a> RivalColumns<'a> {
         let at = |point: usize| {
             let celsius = temperature(self.problem, point);
             let reference = self.problem.inputs[0].reference;
-            let of = |at: &usize| {
+            let change = |at: &usize| {
                 let function = self.functions[*at];
                 function.value(self.problem, celsius) - function.value(self.problem, reference)
             };
-            let weights: Vec<f64> = functions.iter().map(of).collect();
+            let weights: Vec<f64> = functions.iter().map(change).collect();
             let value: f64 = weights.iter().zip(self.common..).map(|(weight, at)| weight * solution.theta[at]).sum();
             let mut square = 0.0;
             for (i, a) in weights.iter().enumerate() {

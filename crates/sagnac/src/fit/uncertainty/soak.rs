@@ -45,9 +45,9 @@ impl Extension {
     }
 
     /// σ of a combination `of` the parameters after hours of windows of the regressors `g`.
-    fn sigma_after(&self, of: &DVector<f64>, g: &DVector<f64>, hours: f64) -> f64 {
+    fn sigma_after(&self, weights: &DVector<f64>, g: &DVector<f64>, hours: f64) -> f64 {
         let windows = hours * 3600.0 / self.window_s;
-        let (moved, toward) = (&self.normal * of, &self.normal * g);
+        let (moved, toward) = (&self.normal * weights, &self.normal * g);
         let u = &moved - &toward * (windows * g.dot(&moved) / (1.0 + windows * g.dot(&toward)));
         let known = u.dot(&(&self.between * &u));
         (self.white * (known + self.continuation.added(&u, g.dot(&u), windows))).max(0.0).sqrt()
@@ -69,10 +69,10 @@ pub(crate) fn soak(axis: &AxisCalibration, extension: &Extension) -> Option<Soak
     if axis.drift_weights(span.hi, span.lo).is_empty() {
         return None;
     }
-    let sigma_after = |of: &DVector<f64>, soaked_c: f64, hours: f64| {
+    let sigma_after = |weights: &DVector<f64>, soaked_c: f64, hours: f64| {
         let mut g = curve(soaked_c);
         g[offset] = 1.0;
-        extension.sigma_after(of, &g, hours)
+        extension.sigma_after(weights, &g, hours)
     };
     let width = (span.hi - span.lo) / (TEMPERATURES - 1) as f64;
     let temperatures: Vec<f64> = (0..TEMPERATURES).map(|i| span.lo + width * i as f64).collect();

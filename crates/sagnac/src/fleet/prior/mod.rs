@@ -263,7 +263,7 @@ impl Prior {
         for member in &members {
             by_lot.entry(member.unit.lot.clone()).or_default().push(member);
         }
-        let sums = by_lot.into_iter().map(|(lot, of)| (lot, LotSums::of(&of))).collect();
+        let sums = by_lot.into_iter().map(|(lot, members)| (lot, LotSums::of(&members))).collect();
         not_used.retain(|part| part.axes > 0);
         Self::of_sums(
             PriorHead { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs },
@@ -453,8 +453,8 @@ impl LotSums {
         let terms = members.first().map_or(0, |member| member.basis.coefficients.len());
         let triangle = || (0..terms).flat_map(|i| (0..=i).map(move |j| (i, j)));
         let sum = |value: &dyn Fn(&CommonBasis) -> f64| ExactSum::of(members.iter().map(|member| value(&member.basis)));
-        let noise = |of: fn(&AxisResult) -> Option<f64>| {
-            ExactSum::of(members.iter().filter_map(|member| Some(of(member.axis)?.powi(2))))
+        let noise = |value: fn(&AxisResult) -> Option<f64>| {
+            ExactSum::of(members.iter().filter_map(|member| Some(value(member.axis)?.powi(2))))
         };
         Self {
             axes: members.len() as u64,
@@ -524,9 +524,9 @@ fn most_frequent(members: &[Member<'_>]) -> Option<String> {
     most_frequent_by(members, |member| member.axis.model.clone())
 }
 
-fn most_frequent_by<T: Ord>(members: &[Member<'_>], of: impl Fn(&Member<'_>) -> T) -> Option<T> {
+fn most_frequent_by<T: Ord>(members: &[Member<'_>], key: impl Fn(&Member<'_>) -> T) -> Option<T> {
     let mut counts: BTreeMap<T, usize> = BTreeMap::new();
-    members.iter().for_each(|member| *counts.entry(of(member)).or_default() += 1);
+    members.iter().for_each(|member| *counts.entry(key(member)).or_default() += 1);
     counts.into_iter().rev().max_by_key(|(_, count)| *count).map(|(value, _)| value)
 }
 
@@ -551,7 +551,7 @@ fn copies(members: Vec<Member<'_>>) -> (Vec<Member<'_>>, Vec<NotUsed>) {
 /// Terms without the lags: of a test that resolves a lag its coefficients are the same, with their own covariance.
 fn without_lags(basis: &CommonBasis) -> CommonBasis {
     let kept: Vec<usize> = (0..basis.terms.len()).filter(|at| !basis.terms[*at].ends_with("lag_s")).collect();
-    let text = |of: &[String]| kept.iter().map(|at| of[*at].clone()).collect();
+    let text = |all_texts: &[String]| kept.iter().map(|at| all_texts[*at].clone()).collect();
     let covariance = kept.iter().enumerate().flat_map(|(row, i)| kept[..=row].iter().map(|j| place(*i, *j)));
     CommonBasis {
         terms: text(&basis.terms),

@@ -220,8 +220,8 @@ fn size_ppm(estimate: Option<PpmEstimate>) -> LimitValue {
 }
 
 /// The largest of some of the plateaus' estimates.
-fn largest_ppm(axis: &AxisVerification, of: fn(&PlateauProof) -> Option<PpmEstimate>) -> LimitValue {
-    size_ppm(worst_known(scale_of(axis).into_iter().flat_map(|scale| &scale.plateaus).filter_map(of)))
+fn largest_ppm(axis: &AxisVerification, value: fn(&PlateauProof) -> Option<PpmEstimate>) -> LimitValue {
+    size_ppm(worst_known(scale_of(axis).into_iter().flat_map(|scale| &scale.plateaus).filter_map(value)))
 }
 
 fn over_floor(axis: &AxisVerification) -> Option<f64> {

@@ -91,8 +91,9 @@ impl RetestNoise {
 
 /// The mean of a group of windows.
 fn average(run: &[&WindowPoint], weight: &[f64], group: &Range<usize>) -> WindowPoint {
-    let of = |value: fn(&WindowPoint) -> f64| mean(weight, group, |i| value(run[i]));
-    let (temperature_c, rate_cpm, after_dph) = (of(|p| p.temperature_c), of(|p| p.rate_cpm), of(|p| p.after_dph));
+    let average = |value: fn(&WindowPoint) -> f64| mean(weight, group, |i| value(run[i]));
+    let (temperature_c, rate_cpm, after_dph) =
+        (average(|p| p.temperature_c), average(|p| p.rate_cpm), average(|p| p.after_dph));
     WindowPoint { temperature_c, rate_cpm, after_dph, ..*run[group.start] }
 }
 

@@ -240,21 +240,21 @@ fn level_groups(windows: &Windows, members: &[usize], sensor: Option<usize>) -> 
 
 /// Takes the straight line's slope over `of` out of some windows: that within groups of one temperature, where it varies within any; else
 /// that over all; nothing where it does not vary.
-fn take_slope(drift: &mut [f64], members: &[usize], groups: &[Vec<usize>], of: impl Fn(usize) -> f64) {
-    let size = members.iter().map(|i| of(*i).powi(2)).sum::<f64>();
+fn take_slope(drift: &mut [f64], members: &[usize], groups: &[Vec<usize>], value: impl Fn(usize) -> f64) {
+    let size = members.iter().map(|i| value(*i).powi(2)).sum::<f64>();
     let sums_of = |group: &[usize]| {
         let n = group.len() as f64;
-        let mean_of = group.iter().map(|i| of(*i)).sum::<f64>() / n;
+        let mean_of = group.iter().map(|i| value(*i)).sum::<f64>() / n;
         let mean = group.iter().map(|i| drift[*i]).sum::<f64>() / n;
-        let square = group.iter().map(|i| (of(*i) - mean_of).powi(2)).sum::<f64>();
-        let product = group.iter().map(|i| (of(*i) - mean_of) * (drift[*i] - mean)).sum::<f64>();
+        let square = group.iter().map(|i| (value(*i) - mean_of).powi(2)).sum::<f64>();
+        let product = group.iter().map(|i| (value(*i) - mean_of) * (drift[*i] - mean)).sum::<f64>();
         (square, product)
     };
     let add = |(square, product): (f64, f64), (s, p): (f64, f64)| (square + s, product + p);
     let within = groups.iter().map(|group| sums_of(group)).fold((0.0, 0.0), add);
     let (square, product) = if within.0 > VARIES * size { within } else { sums_of(members) };
     if square > VARIES * size {
-        members.iter().for_each(|i| drift[*i] -= product / square * of(*i));
+        members.iter().for_each(|i| drift[*i] -= product / square * value(*i));
     }
 }
 

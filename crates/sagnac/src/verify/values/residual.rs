@@ -108,8 +108,8 @@ pub(crate) fn residual(points: &[WindowPoint], noise: &RetestNoise, random_walk:
     }
 }
 
-fn mean(points: &[&WindowPoint], of: impl Fn(&WindowPoint) -> f64) -> f64 {
-    points.iter().map(|p| of(p)).sum::<f64>() / points.len() as f64
+fn mean(points: &[&WindowPoint], value: impl Fn(&WindowPoint) -> f64) -> f64 {
+    points.iter().map(|p| value(p)).sum::<f64>() / points.len() as f64
 }
 
 fn plateaus(used: &[&WindowPoint]) -> Option<Plateaus> {
