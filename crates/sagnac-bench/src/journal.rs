@@ -335,8 +335,8 @@ impl JournalReader {
         let mut at = from;
         while at < end {
             let bytes = self.bytes(at, MOST_PAYLOAD_BYTES)?;
-            if let Some(found) = memchr::memmem::find(&bytes, &MAGIC) {
-                return Ok(Some(at + found as u64));
+            if let Some(place) = memchr::memmem::find(&bytes, &MAGIC) {
+                return Ok(Some(at + place as u64));
             }
             if bytes.len() < MOST_PAYLOAD_BYTES {
                 return Ok(None);

@@ -108,8 +108,8 @@ fn folder(path: &Path) -> Result<Vec<PathBuf>> {
 fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {
     let text = pattern.to_str().unwrap_or_default();
     let refused = |what: String| Error::input(what).file(text);
-    let found = glob::glob_with(text, AS_FILES).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
-    let mut logs: Vec<PathBuf> = found.filter_map(std::result::Result::ok).filter(|path| path.is_file()).collect();
+    let paths = glob::glob_with(text, AS_FILES).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
+    let mut logs: Vec<PathBuf> = paths.filter_map(std::result::Result::ok).filter(|path| path.is_file()).collect();
     if logs.is_empty() {
         return Err(refused("no file matches this pattern".to_owned()));
     }

@@ -230,23 +230,25 @@ impl Screen {
         let level = RowLevel::of(self.context.iter().chain(&rows).copied().collect());
         (self.bounds, self.seen) = (level.as_ref().map(Bounds::about), None);
         let away = |piece: &Piece| level.as_ref().and_then(|level| level.away(piece));
-        let found: Vec<Option<Disturbed>> = self.pieces.iter().map(away).collect();
-        self.fork(&found);
-        let plain = rows.len() == self.pieces.len() && found.iter().all(Option::is_none);
+        let disturbed: Vec<Option<Disturbed>> = self.pieces.iter().map(away).collect();
+        self.fork(&disturbed);
+        let plain = rows.len() == self.pieces.len() && disturbed.iter().all(Option::is_none);
         if plain {
             self.variants.iter_mut().for_each(|variant| variant.recorder.push(&rows));
         } else {
-            let undisturbed = Undisturbed::of(&self.context, &self.pieces, &found);
+            let undisturbed = Undisturbed::of(&self.context, &self.pieces, &disturbed);
             for variant in &mut self.variants {
-                self.pieces.iter().zip(&found).enumerate().for_each(|(at, (piece, found))| {
-                    variant.take(*piece, found.is_some(), || undisturbed.mean_near(at));
+                self.pieces.iter().zip(&disturbed).enumerate().for_each(|(at, (piece, disturbed))| {
+                    variant.take(*piece, disturbed.is_some(), || undisturbed.mean_near(at));
                 });
             }
         }
         let undisturbed =
-            self.pieces.iter().zip(&found).filter(|(_, found)| found.is_none()).filter_map(|(piece, _)| match piece {
-                Piece::Row { angle, .. } => Some(*angle),
-                _ => None,
+            self.pieces.iter().zip(&disturbed).filter(|(_, disturbed)| disturbed.is_none()).filter_map(|(piece, _)| {
+                match piece {
+                    Piece::Row { angle, .. } => Some(*angle),
+                    _ => None,
+                }
             });
         let undisturbed: Vec<f64> = undisturbed.collect();
         self.keep_context(undisturbed);
@@ -342,10 +344,10 @@ struct Undisturbed {
 }
 
 impl Undisturbed {
-    fn of(context: &[f64], pieces: &[Piece], found: &[Option<Disturbed>]) -> Self {
+    fn of(context: &[f64], pieces: &[Piece], disturbed: &[Option<Disturbed>]) -> Self {
         let mut undisturbed = Self { at: vec![0; context.len()], angles: context.to_vec() };
-        for (at, (piece, found)) in pieces.iter().zip(found).enumerate() {
-            if let (Piece::Row { angle, .. }, None) = (piece, found) {
+        for (at, (piece, disturbed)) in pieces.iter().zip(disturbed).enumerate() {
+            if let (Piece::Row { angle, .. }, None) = (piece, disturbed) {
                 undisturbed.at.push(at + 1);
                 undisturbed.angles.push(*angle);
             }

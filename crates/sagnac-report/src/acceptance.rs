@@ -334,16 +334,16 @@ fn suspects(axis: &AxisVerification) -> Markup {
 pub(crate) fn bias_repeatability(axis: &AxisVerification) -> Markup {
     let text = |e: Estimate| with_sigma(e.value, Some(e.sigma));
     html! {
-        @if let Some(found) = &axis.bias_repeatability {
+        @if let Some(repeatability) = &axis.bias_repeatability {
             h3 { "Fixed bias against the calibration, °/h" }
             div.scroll { table {
                 thead { tr { th.words { "" } th { "fixed bias" } th { "less the calibration's" } } }
-                tr { td { "calibration; " (found.input_text()) } td { (text(found.calibration_dph)) } td { "-" } }
-                @for run in &found.runs {
+                tr { td { "calibration; " (repeatability.input_text()) } td { (text(repeatability.calibration_dph)) } td { "-" } }
+                @for run in &repeatability.runs {
                     tr { td { (file_name(&run.file)) } td { (text(run.bias_dph)) } td { (text(run.difference_dph)) } }
                 }
             } }
-            @if let Some(turn_ons) = found.turn_ons {
+            @if let Some(turn_ons) = repeatability.turn_ons {
                 p.note {
                     "Turn-on to turn-on: σ " (significant(turn_ons.sigma_dph, 2)) " °/h over " (turn_ons.n) " runs, those of the calibration included; below "
                     (significant(turn_ons.sigma_upper_dph, 2)) " °/h with 95 % confidence."

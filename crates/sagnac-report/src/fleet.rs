@@ -252,11 +252,11 @@ fn refusals(quality: &Quality) -> PageTable {
 fn signals(quality: &Quality) -> PageTable {
     let rows = quality.charts.iter().flat_map(|quantity| {
         Rule::ALL.into_iter().filter_map(move |rule| {
-            let (found, by_chance) = quantity.chart.count(rule);
+            let (count, by_chance) = quantity.chart.count(rule);
             let chance = by_chance.map_or("-".to_owned(), |expected| significant(expected, 2));
             let last = quantity.chart.signals.iter().rev().find(|(_, broken)| *broken == rule);
             let last = last.map_or(String::new(), |(at, _)| quantity.of[*at].clone());
-            (found > 0).then(|| [quantity.name.clone(), rule.name().to_owned(), found.to_string(), chance, last])
+            (count > 0).then(|| [quantity.name.clone(), rule.name().to_owned(), count.to_string(), chance, last])
         })
     });
     table("Signals of the control charts", ["quantity", "rule", "points", "by chance", "last at"], rows)

@@ -218,7 +218,7 @@ fn allan_chart(axis: &AxisBudget) -> Chart {
             }
         }
     }
-    let found: Vec<String> = AllanTerm::ALL
+    let values: Vec<String> = AllanTerm::ALL
         .iter()
         .filter_map(|term| match axis.terms.get(*term) {
             TermValue::Found { value, .. } => {
@@ -228,12 +228,12 @@ fn allan_chart(axis: &AxisBudget) -> Chart {
             TermValue::Unresolved { .. } => None,
         })
         .collect();
-    let found = if found.is_empty() { "none is resolved".to_owned() } else { found.join(", ") };
+    let values = if values.is_empty() { "none is resolved".to_owned() } else { values.join(", ") };
     Chart {
         id: format!("allan-{}", axis.axis),
         group: "tau".to_owned(),
         title: format!("Which noise rules at which averaging time, axis {}?", axis.axis),
-        caption: format!("Terms: {found}. Dashed: each term alone. The band holds 95 % at each τ."),
+        caption: format!("Terms: {values}. Dashed: each term alone. The band holds 95 % at each τ."),
         x_label: "averaging time τ, s".to_owned(),
         y_label: "deviation, °/h".to_owned(),
         curves,

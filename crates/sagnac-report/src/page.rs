@@ -510,7 +510,7 @@ fn inputs(inputs: &[LogFile]) -> Markup {
 fn provenance(calibration: &Calibration) -> Result<Markup> {
     let record = hex(&sha256(calibration.to_json()?.as_bytes()));
     // A record without a serial number, or that fits no image, still has a report.
-    let made =
+    let correction =
         (calibration.serial != UNASSIGNED).then(|| Correction::from_calibration(calibration.clone()).ok()).flatten();
     let from = &calibration.provenance;
     let thermometer = match calibration.thermometer_name().unwrap_or_default() {
@@ -528,8 +528,8 @@ fn provenance(calibration: &Calibration) -> Result<Markup> {
                 "tick " (calibration.target.tick_s() * 1e6) " µs, temperature period " (calibration.target.period_s()) " s"
             } }
             tr { td { "SHA-256 of the record" } td.hash { (record) } }
-            @if let Some(made) = made {
-                tr { td { "SHA-256 of its images, the first that export makes" } td.hash { (made.sha256()) } }
+            @if let Some(correction) = correction {
+                tr { td { "SHA-256 of its images, the first that export makes" } td.hash { (correction.sha256()) } }
             }
         } }
     })

@@ -33,10 +33,10 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
                         td.words { @if term.significant == Some(false) { "not significant at 95 %" } }
                     }
                 }
-                @for found in axis.nonlinear() {
+                @for parameter in axis.nonlinear() {
                     tr {
-                        td { (found.name) } td { (found.sigma.map_or_else(|| significant(found.value, 3), |s| with_sigma(found.value, Some(s)))) } td.words { (unit(&found.unit)) } td {}
-                        td.words { @if found.sigma.is_none() { "not resolved: the smallest within two of its σ" } }
+                        td { (parameter.name) } td { (parameter.sigma.map_or_else(|| significant(parameter.value, 3), |s| with_sigma(parameter.value, Some(s)))) } td.words { (unit(&parameter.unit)) } td {}
+                        td.words { @if parameter.sigma.is_none() { "not resolved: the smallest within two of its σ" } }
                     }
                 }
             } }

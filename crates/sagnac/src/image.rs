@@ -242,8 +242,8 @@ impl InputChannel<'_> {
 fn channels(correction: &AxisCorrection) -> Result<Vec<InputChannel<'_>>> {
     let inputs = &correction.inputs;
     let index_of = |wanted: &String, of: &Input| {
-        let found = inputs.iter().position(|other| other.source == InputSource::Thermometer(wanted.clone()));
-        found.and_then(|at| u8::try_from(at).ok()).ok_or_else(|| {
+        let place = inputs.iter().position(|other| other.source == InputSource::Thermometer(wanted.clone()));
+        place.and_then(|at| u8::try_from(at).ok()).ok_or_else(|| {
             Error::input("a difference of thermometers that are not inputs").column("inputs").value(&of.name)
         })
     };
@@ -256,8 +256,8 @@ fn channels(correction: &AxisCorrection) -> Result<Vec<InputChannel<'_>>> {
             }
             InputSource::Column(_) => (ValueSource::Code, unit_exponent(input.valid_range)),
             InputSource::Repeat(of) => {
-                let found = inputs.iter().position(|other| other.name == *of).and_then(|at| u8::try_from(at).ok());
-                let of = found.ok_or_else(|| {
+                let place = inputs.iter().position(|other| other.name == *of).and_then(|at| u8::try_from(at).ok());
+                let of = place.ok_or_else(|| {
                     Error::input("a repeat of an input that the record does not have")
                         .column("inputs")
                         .value(&input.name)
@@ -458,8 +458,8 @@ impl Frame {
         // The values of all terms at their references: bias, scale factor.
         let mut at_reference = [0.0; 2];
         for fitted in &correction.terms {
-            let found = channels.iter().enumerate().find(|(_, channel)| channel.input.name == fitted.input);
-            let (index, channel) = found.ok_or_else(|| {
+            let read_by = channels.iter().enumerate().find(|(_, channel)| channel.input.name == fitted.input);
+            let (index, channel) = read_by.ok_or_else(|| {
                 Error::input("a term over an input that the record does not have")
                     .column("terms.input")
                     .value(&fitted.input)

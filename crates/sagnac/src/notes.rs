@@ -153,7 +153,9 @@ fn of_time_and_search(fit: &FitDiagnostics, notes: &mut Vec<Note>) {
         let text = format!("{words} (fitted beside the terms, not corrected; residual and held-out σ are without it)");
         Note::of(NoteLevel::Fact, NoteAbout::Fit, text)
     }));
-    notes.extend(fit.entanglement.iter().map(|found| Note::of(NoteLevel::Fact, NoteAbout::Fit, found.note())));
+    notes.extend(
+        fit.entanglement.iter().map(|entanglement| Note::of(NoteLevel::Fact, NoteAbout::Fit, entanglement.note())),
+    );
     notes.extend(fit.rejected_inputs.iter().map(|rejected| {
         let text = format!("input rejected: {}, {}", rejected.input, rejected.reason);
         Note::of(NoteLevel::Fact, NoteAbout::Search, text)

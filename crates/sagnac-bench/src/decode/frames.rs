@@ -74,8 +74,8 @@ impl Frames {
     pub(crate) fn push(&mut self, bytes: &[u8], at_ns: i64, rows: &mut Rows) {
         for byte in bytes {
             let mut frame = self.reader.push(*byte);
-            while let Some(found) = frame {
-                match Message::parse(&found) {
+            while let Some(bytes) = frame {
+                match Message::parse(&bytes) {
                     Some(Message::Output(output)) => self.output(&output, at_ns, rows),
                     Some(Message::Reply(reply)) => self.reply(&reply, at_ns, rows),
                     _ => {}

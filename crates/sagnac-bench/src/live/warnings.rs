@@ -137,15 +137,15 @@ impl Watch {
         if self.history.len() > HISTORY {
             self.history.pop_front();
         }
-        let mut found: Vec<Finding> = Vec::new();
-        self.thermometers(&mut found);
-        self.rows(&mut found);
-        self.counts(&mut found);
-        self.vibration(&mut found);
-        self.chamber(&mut found);
-        self.loops(&mut found);
-        found.extend(clocks(clock));
-        self.keep(found, now_s);
+        let mut findings: Vec<Finding> = Vec::new();
+        self.thermometers(&mut findings);
+        self.rows(&mut findings);
+        self.counts(&mut findings);
+        self.vibration(&mut findings);
+        self.chamber(&mut findings);
+        self.loops(&mut findings);
+        findings.extend(clocks(clock));
+        self.keep(findings, now_s);
     }
 
     /// All warnings, those that hold first, each newest first.
@@ -160,15 +160,16 @@ impl Watch {
     }
 
     /// Begins what is new and ends what is over.
-    fn keep(&mut self, found: Vec<Finding>, now_s: f64) {
-        let holds =
-            |warning: &Warning| found.iter().any(|(kind, place, _)| *kind == warning.kind && *place == warning.place);
+    fn keep(&mut self, findings: Vec<Finding>, now_s: f64) {
+        let holds = |warning: &Warning| {
+            findings.iter().any(|(kind, place, _)| *kind == warning.kind && *place == warning.place)
+        };
         for warning in self.warnings.iter_mut().filter(|warning| warning.until_s.is_none()) {
             if !holds(warning) {
                 warning.until_s = Some(now_s);
             }
         }
-        for (kind, place, words) in found {
+        for (kind, place, words) in findings {
             let known = |w: &&mut Warning| w.until_s.is_none() && w.kind == kind && w.place == place;
             if self.warnings.iter_mut().find(known).is_none() {
                 self.warnings.push(Warning { kind, place, words, since_s: now_s, until_s: None });
@@ -186,7 +187,7 @@ impl Watch {
         Some(self.history.iter().skip(from).collect())
     }
 
-    fn thermometers(&mut self, found: &mut Vec<Finding>) {
+    fn thermometers(&mut self, findings: &mut Vec<Finding>) {
         let names: Vec<String> = self.columns.thermometers.iter().map(|t| t.name.clone()).collect();
         // A chamber that is regulated well stands still in a soak.
         let own = |at: &usize| !self.columns.thermometers[*at].is_of_instrument;
@@ -194,7 +195,7 @@ impl Watch {
             if let Some(moved) = self.stands_still(at) {
                 let words =
                     format!("{name} has stood still for {STILL} min{moved}: look at its cable and its converter");
-                found.push((WarningKind::StuckThermometer, name.clone(), words));
+                findings.push((WarningKind::StuckThermometer, name.clone(), words));
             }
         }
         let Some(minute) = self.history.back() else { return };
@@ -205,7 +206,7 @@ impl Watch {
                 names[at],
                 significant(by_c, 2)
             );
-            found.push((WarningKind::ThermometerDeparts, names[at].clone(), words));
+            findings.push((WarningKind::ThermometerDeparts, names[at].clone(), words));
         }
         let too_fast = |at: usize| {
             let last = self.last(LASTS + 1)?;
@@ -220,7 +221,7 @@ impl Watch {
                 "{} moves by {by} °C within a window of {} s: the block lags behind, and windows are divided; ramp more slowly",
                 names[at], self.window_s
             );
-            found.push((WarningKind::RampTooFast, names[at].clone(), words));
+            findings.push((WarningKind::RampTooFast, names[at].clone(), words));
         }
     }
 
@@ -274,14 +275,14 @@ impl Watch {
         (before >= LIVELY && rate > 0.2).then(|| ", in the middle of a ramp".to_owned())
     }
 
-    fn rows(&self, found: &mut Vec<Finding>) {
+    fn rows(&self, findings: &mut Vec<Finding>) {
         let Some(last) = self.last(LASTS) else { return };
         let part = |minute: &Minute| f64::from(minute.lost) / f64::from((minute.rows + minute.lost).max(1));
         if last.iter().all(|minute| part(minute) > MISSING) {
             let worst = last.iter().map(|minute| part(minute)).fold(0.0, f64::max);
             let words =
                 format!("{} % of the rows are missing: look at the line and its speed", significant(100.0 * worst, 2));
-            found.push((WarningKind::MissingRows, "rows".to_owned(), words));
+            findings.push((WarningKind::MissingRows, "rows".to_owned(), words));
         }
         for (at, axis) in self.columns.axes.iter().enumerate() {
             let part = |minute: &Minute| f64::from(minute.axes[at].steps.missing) / f64::from(minute.rows.max(1));
@@ -289,12 +290,12 @@ impl Watch {
                 let worst = last.iter().map(|minute| part(minute)).fold(0.0, f64::max);
                 let words =
                     format!("axis {}: {} % of the rows have no counts", axis.letter, significant(100.0 * worst, 2));
-                found.push((WarningKind::MissingRows, axis.letter.to_string(), words));
+                findings.push((WarningKind::MissingRows, axis.letter.to_string(), words));
             }
         }
     }
 
-    fn counts(&mut self, found: &mut Vec<Finding>) {
+    fn counts(&mut self, findings: &mut Vec<Finding>) {
         for at in 0..self.columns.axes.len() {
             let letter = self.columns.axes[at].letter;
             let Some(newest) = self.history.back().map(|minute| minute.axes[at]) else { return };
@@ -307,7 +308,7 @@ impl Watch {
                 let words = format!(
                     "axis {letter}: the counts have stood still for {STOPPED} min: the counter is at its limit, or has stopped"
                 );
-                found.push((WarningKind::CountsStandStill, letter.to_string(), words));
+                findings.push((WarningKind::CountsStandStill, letter.to_string(), words));
             }
             self.varied[at] |= newest.steps.pairs > 0 && repeats(newest) < VARIED;
             let rises = |minute: &&Minute| {
@@ -317,7 +318,7 @@ impl Watch {
                 let words = format!(
                     "axis {letter}: the counts rise by the same from row to row: a running total; set counter = \"cumulative\""
                 );
-                found.push((WarningKind::CounterWraps, letter.to_string(), words));
+                findings.push((WarningKind::CounterWraps, letter.to_string(), words));
                 continue;
             }
             let step = newest.steps.largest.abs();
@@ -327,7 +328,7 @@ impl Watch {
                 let words = format!(
                     "axis {letter}: a step of nearly 2^{bits} counts: a counter of {bits} bits wraps; set counter_bits"
                 );
-                found.push((WarningKind::CounterWraps, letter.to_string(), words));
+                findings.push((WarningKind::CounterWraps, letter.to_string(), words));
             }
         }
     }
@@ -338,7 +339,7 @@ impl Watch {
         median(before.map(|minute| minute.axes[at].steps.largest.abs()).collect()).unwrap_or(f64::INFINITY)
     }
 
-    fn vibration(&mut self, found: &mut Vec<Finding>) {
+    fn vibration(&mut self, findings: &mut Vec<Finding>) {
         for at in 0..self.columns.axes.len() {
             let usual = median(self.quiet[at].iter().copied().collect()).filter(|_| self.quiet[at].len() >= QUIET);
             let shaken = |minute: &Minute| usual.is_some_and(|usual| minute.axes[at].variance > SHAKEN * usual);
@@ -351,7 +352,7 @@ impl Watch {
                     "axis {letter}: rows scatter {} times as much as before: the gyro is shaken, or its light or dither fails",
                     significant((is / was).sqrt(), 2)
                 );
-                found.push((WarningKind::Vibration, letter.to_string(), words));
+                findings.push((WarningKind::Vibration, letter.to_string(), words));
             }
             let variance = self.history.back().map_or(f64::NAN, |minute| minute.axes[at].variance);
             // Counts of few bits have minutes without any scatter.
@@ -364,7 +365,7 @@ impl Watch {
         }
     }
 
-    fn chamber(&self, found: &mut Vec<Finding>) {
+    fn chamber(&self, findings: &mut Vec<Finding>) {
         let is_set_point = |name: &str| name.contains("set_point") || name.contains("setpoint");
         let Some(set_point) = self.columns.numbers.iter().position(|(_, name)| is_set_point(name)) else { return };
         let Some(chamber) = self.columns.thermometers.iter().position(|t| t.is_of_instrument || t.name == "chamber")
@@ -382,11 +383,11 @@ impl Watch {
                 "the chamber is {} °C from its set-point and does not come nearer: look at its door, its cooling and its limits",
                 significant(off.last().copied().unwrap_or(f64::NAN), 2)
             );
-            found.push((WarningKind::ChamberNotFollowing, "chamber".to_owned(), words));
+            findings.push((WarningKind::ChamberNotFollowing, "chamber".to_owned(), words));
         }
     }
 
-    fn loops(&self, found: &mut Vec<Finding>) {
+    fn loops(&self, findings: &mut Vec<Finding>) {
         let Some(minute) = self.history.back() else { return };
         for (column, (words, seconds)) in &minute.words {
             let Some((_, name)) = self.columns.words.get(*column).filter(|_| *seconds >= 3) else { continue };
@@ -401,7 +402,11 @@ impl Watch {
                 continue;
             }
             let what = if kind == WarningKind::Light { "light" } else { "path length" };
-            found.push((kind, name.clone(), format!("the loop of the {what} says {words} in {seconds} s of a minute")));
+            findings.push((
+                kind,
+                name.clone(),
+                format!("the loop of the {what} says {words} in {seconds} s of a minute"),
+            ));
         }
         for (at, (_, name)) in self.columns.numbers.iter().enumerate() {
             let all = || self.history.iter().map(|minute| minute.numbers[at]).filter(|value| value.number > 0);
@@ -410,7 +415,7 @@ impl Watch {
                 let now = minute.numbers[at].mean();
                 if let Some(usual) = usual.filter(|usual| self.history.len() >= QUIET && now < DIM * usual) {
                     let part = significant(100.0 * now / usual, 2);
-                    found.push((WarningKind::Light, name.clone(), format!("{name} is at {part} % of what it was")));
+                    findings.push((WarningKind::Light, name.clone(), format!("{name} is at {part} % of what it was")));
                 }
             }
             if name.contains("path_length") {
@@ -427,7 +432,7 @@ impl Watch {
                 };
                 if most > least && (stands(least) || stands(most)) {
                     let words = format!("{name} has stood at its extreme for {AT_LIMIT} min: the loop is at its limit");
-                    found.push((WarningKind::PathLength, name.clone(), words));
+                    findings.push((WarningKind::PathLength, name.clone(), words));
                 }
             }
         }

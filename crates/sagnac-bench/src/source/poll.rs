@@ -110,11 +110,11 @@ impl Client {
         self.transaction = self.transaction.wrapping_add(1);
         let (register, count) = (column.register.unwrap_or(0), column.kind.registers());
         let mut question = Vec::new();
-        let made = match column.table {
+        let encoded = match column.table {
             RegisterTable::Holding => request.generate_get_holdings(register, count, &mut question),
             RegisterTable::Input => request.generate_get_inputs(register, count, &mut question),
         };
-        made.map_err(|e| wrong(e.to_string()))?;
+        encoded.map_err(|e| wrong(e.to_string()))?;
         self.stream.write_all(&question)?;
         let mut answer = vec![0; MODBUS_HEAD_BYTES];
         self.reader.read_exact(&mut answer)?;

@@ -63,7 +63,7 @@ impl Files {
         }
         let in_new_folder = |path: &&PathBuf| {
             let is_new = path.parent().is_some_and(|folder| !folder.exists());
-            is_new && self.folders.iter().any(|made| path.starts_with(made))
+            is_new && self.folders.iter().any(|planned| path.starts_with(planned))
         };
         self.writes.iter().filter(|path| !in_new_folder(path)).try_for_each(|path| try_writing(path))?;
         self.folders.iter().try_for_each(|folder| try_making(folder))
@@ -104,11 +104,11 @@ enum Identity {
 /// `None` for what is no file and is never replaced: devices, pipes, folders, `-`.
 fn identity(path: &Path) -> Option<Identity> {
     match std::fs::metadata(path) {
-        Ok(found) if !found.is_file() => None,
+        Ok(metadata) if !metadata.is_file() => None,
         #[cfg(unix)]
-        Ok(found) => {
+        Ok(metadata) => {
             use std::os::unix::fs::MetadataExt;
-            Some(Identity::There(found.dev(), found.ino()))
+            Some(Identity::There(metadata.dev(), metadata.ino()))
         }
         #[cfg(not(unix))]
         Ok(_) => path.canonicalize().ok().map(Identity::Named),

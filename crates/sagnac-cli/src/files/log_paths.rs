@@ -13,9 +13,9 @@ pub(crate) fn expanded(paths: &[PathBuf], console: &mut Console) -> Result<Vec<P
     let mut all = Vec::new();
     for path in paths {
         match logs_of(path)? {
-            Some(found) => {
-                console.note(said(path, &found));
-                all.extend(found);
+            Some(logs) => {
+                console.note(said(path, &logs));
+                all.extend(logs);
             }
             None => all.push(path.clone()),
         }
@@ -24,11 +24,11 @@ pub(crate) fn expanded(paths: &[PathBuf], console: &mut Console) -> Result<Vec<P
 }
 
 /// One line: how many, and the first and the last of them.
-fn said(place: &Path, found: &[PathBuf]) -> String {
+fn said(place: &Path, logs: &[PathBuf]) -> String {
     let name = |path: &PathBuf| file_name(&path.display().to_string());
-    match found {
+    match logs {
         [one] => format!("{}: 1 log, {}", place.display(), name(one)),
-        [first, .., last] => format!("{}: {} logs, {} … {}", place.display(), found.len(), name(first), name(last)),
+        [first, .., last] => format!("{}: {} logs, {} … {}", place.display(), logs.len(), name(first), name(last)),
         [] => String::new(),
     }
 }

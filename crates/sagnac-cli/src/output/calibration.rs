@@ -119,12 +119,12 @@ fn range_of_runs(axis: &AxisCalibration, offsets: &[RunOffset]) -> String {
 fn conditioning(console: &mut Console, axis: &AxisCalibration) {
     for input in axis.other_inputs() {
         let [lo, hi] = input.span;
-        let made = match input.rms_dph.filter(|rms| *rms > 0.0) {
+        let effect = match input.rms_dph.filter(|rms| *rms > 0.0) {
             None => "read for a difference".to_owned(),
             Some(rms) => format!("its terms make {} °/h rms", significant(rms, 3)),
         };
         console.say(format!(
-            "  input {}: {made}; reference {}, span {} to {}",
+            "  input {}: {effect}; reference {}, span {} to {}",
             input.name,
             input.on_its_scale(input.reference),
             input.on_its_scale(lo),
@@ -198,9 +198,9 @@ fn coefficients(axis: &AxisCalibration) -> String {
         let mark = if term.significant == Some(false) { "not significant" } else { "" };
         vec![axis.name_of(term), with_sigma(term.value, term.sigma), unit(&term.unit), mark.to_owned()]
     });
-    let others = axis.nonlinear().into_iter().map(|found| {
-        let mark = if found.sigma.is_none() { "not resolved: smallest within two of its σ" } else { "" };
-        vec![found.name, with_sigma(found.value, found.sigma), unit(&found.unit), mark.to_owned()]
+    let others = axis.nonlinear().into_iter().map(|parameter| {
+        let mark = if parameter.sigma.is_none() { "not resolved: smallest within two of its σ" } else { "" };
+        vec![parameter.name, with_sigma(parameter.value, parameter.sigma), unit(&parameter.unit), mark.to_owned()]
     });
     let rows: Vec<Vec<String>> = terms.chain(others).collect();
     if rows.is_empty() {

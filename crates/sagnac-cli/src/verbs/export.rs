@@ -100,7 +100,7 @@ impl Verb for Args {
             Target::Verilog => {
                 let images = images(self)?;
                 let table = table(self, &images)?;
-                let made: Vec<_> = images
+                let exports: Vec<_> = images
                     .iter()
                     .map(|image| {
                         let axis = path_letter(char::from(image.description().axis));
@@ -108,7 +108,7 @@ impl Verb for Args {
                         (path, verilog_files(image, table.as_ref()))
                     })
                     .collect();
-                folders(self, &made, console)
+                folders(self, &exports, console)
             }
         }
     }
@@ -120,16 +120,16 @@ fn files(args: &Args) -> Files {
 }
 
 /// Writes the sources, after a look at all of their names.
-fn folders(args: &Args, made: &[(PathBuf, Vec<TextFile>)], console: &mut Console) -> Ran {
-    let names = made.iter().flat_map(|(path, files)| files.iter().map(|file| path.join(&file.name)));
-    files(args).writes(names).makes(made.iter().map(|(path, _)| path)).check()?;
-    let mut places = made.iter().flat_map(|(path, files)| files.iter().map(|file| (path.join(&file.name), file)));
+fn folders(args: &Args, exports: &[(PathBuf, Vec<TextFile>)], console: &mut Console) -> Ran {
+    let names = exports.iter().flat_map(|(path, files)| files.iter().map(|file| path.join(&file.name)));
+    files(args).writes(names).makes(exports.iter().map(|(path, _)| path)).check()?;
+    let mut places = exports.iter().flat_map(|(path, files)| files.iter().map(|file| (path.join(&file.name), file)));
     if let Some((path, _)) = places.find(|(path, file)| !file.may_replace(path)) {
         return Err(Error::input("an export would replace this file, which is not its own")
             .file(path.display().to_string())
             .help("export into an empty folder: -o NEW-FOLDER"));
     }
-    for (path, files) in made {
+    for (path, files) in exports {
         folder(path, files, console)?;
     }
     say_codes(args, console)?;

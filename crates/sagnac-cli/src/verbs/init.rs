@@ -268,7 +268,7 @@ fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
     let is_t = first == "t";
     let of_time = || words.len() == 1 || stated(unit.as_deref(), &words, TIME_UNITS).is_some();
     let rises = || column.numbers().windows(2).all(|pair| pair[1] > pair[0]);
-    let made = if column.is_dates() || has(&TIME) || is_t && of_time() && rises() {
+    let guess = if column.is_dates() || has(&TIME) || is_t && of_time() && rises() {
         time(column, unit.as_deref(), &words)
     } else if has(&TEMPERATURE) || is_t {
         Some(temperature(column, unit.as_deref(), &words))
@@ -281,7 +281,7 @@ fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
     } else {
         by_unit(column, unit.as_deref().or_else(|| behind_blank(header))?, &words, &axis)
     }?;
-    (made.role == "ignore" || used.insert(kind_of(&made.role))).then_some(made)
+    (guess.role == "ignore" || used.insert(kind_of(&guess.role))).then_some(guess)
 }
 
 /// What a column is whose name says nothing, by its unit.

@@ -81,32 +81,32 @@ impl Verb for Args {
         if let Some(seconds) = setup.window.and_then(WindowSize::seconds) {
             request.window_s = seconds;
         }
-        let made = plan(&request)?;
-        console.say(described(&made, &request));
+        let plan = plan(&request)?;
+        console.say(described(&plan, &request));
         if let Some(path) = &self.output {
-            write_bytes(path, csv(&made).as_bytes())?;
+            write_bytes(path, csv(&plan).as_bytes())?;
             console.say(format!("wrote {}", path.display()));
         }
-        console.object(&made)?;
+        console.object(&plan)?;
         Ok(Outcome::Done)
     }
 }
 
-fn described(made: &Plan, request: &PlanRequest) -> String {
+fn described(plan: &Plan, request: &PlanRequest) -> String {
     let mut out = format!(
         "{} h of chamber from {}: the error of the correction takes at most {} of each limit with a probability of {}\n",
-        significant(made.hours, 3),
+        significant(plan.hours, 3),
         celsius(request.chamber.start_c) + " °C",
         significant(request.share, 2),
-        significant(made.probability, 3)
+        significant(plan.probability, 3)
     );
-    let steps = made
+    let steps = plan
         .steps
         .iter()
         .map(|step| vec![celsius(step.to_c), significant(step.rate_cpm, 3), significant(step.soak_min, 3)]);
     out += &table(&["to, °C", "at, °C/min", "then soak, min"], steps);
     out += "\n";
-    let limits = made.expected.iter().map(|limit| {
+    let limits = plan.expected.iter().map(|limit| {
         vec![
             limit.limit.clone(),
             significant(limit.value_95, 2),
@@ -118,21 +118,21 @@ fn described(made: &Plan, request: &PlanRequest) -> String {
     out += &table(&["limit", "error, 95 %", "bound", "taken", "unit"], limits);
     out += &format!(
         "\n  σ of the correction over temperatures and ramps: {} °/h; {} tests were compared",
-        significant(made.sigma_dph, 2),
-        made.candidates
+        significant(plan.sigma_dph, 2),
+        plan.candidates
     );
-    out += &match made.hours_without_prior {
+    out += &match plan.hours_without_prior {
         Some(hours) => format!("\n  without the prior, its model known: {} h", significant(hours, 3)),
         None => format!("\n  without the prior no test of up to {} h does it", request.hours_max),
     };
-    if !made.not_planned.is_empty() {
-        out += &format!("\n  not a matter of the calibration: {}", made.not_planned.join(", "));
+    if !plan.not_planned.is_empty() {
+        out += &format!("\n  not a matter of the calibration: {}", plan.not_planned.join(", "));
     }
     out
 }
 
 /// The steps for a chamber's program.
-fn csv(made: &Plan) -> String {
-    let steps = made.steps.iter().map(|step| format!("{},{},{}\n", step.to_c, step.rate_cpm, step.soak_min));
+fn csv(plan: &Plan) -> String {
+    let steps = plan.steps.iter().map(|step| format!("{},{},{}\n", step.to_c, step.rate_cpm, step.soak_min));
     "to_c,rate_cpm,soak_min\n".to_owned() + &steps.collect::<String>()
 }

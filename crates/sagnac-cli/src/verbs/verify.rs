@@ -174,8 +174,8 @@ fn describe(console: &mut Console, verification: &Verification) {
         if let Some(scale) = &axis.scale_factor {
             console.say(scale_factor(scale));
         }
-        if let Some(found) = &axis.bias_repeatability {
-            console.say(bias_repeatability(found));
+        if let Some(repeatability) = &axis.bias_repeatability {
+            console.say(bias_repeatability(repeatability));
         }
         for suspect in &axis.suspects {
             let judged = if axis.excluded_fraction.is_some() { "" } else { "; judged with the rest" };
@@ -215,16 +215,19 @@ fn flown(flight: &PositionError) -> String {
 }
 
 /// Fixed bias of the runs against the calibration.
-fn bias_repeatability(found: &BiasRepeatability) -> String {
+fn bias_repeatability(repeatability: &BiasRepeatability) -> String {
     let text = |e: Estimate| with_sigma(e.value, Some(e.sigma));
-    let mut out =
-        format!("  fixed bias of the calibration {} °/h ({})", text(found.calibration_dph), found.input_text());
-    for run in &found.runs {
+    let mut out = format!(
+        "  fixed bias of the calibration {} °/h ({})",
+        text(repeatability.calibration_dph),
+        repeatability.input_text()
+    );
+    for run in &repeatability.runs {
         let file = sagnac_units::format::file_name(&run.file);
         out +=
             &format!("\n  {file}: {} °/h, {} °/h from the calibration", text(run.bias_dph), text(run.difference_dph));
     }
-    if let Some(turn_ons) = found.turn_ons {
+    if let Some(turn_ons) = repeatability.turn_ons {
         let [sigma, upper] = [turn_ons.sigma_dph, turn_ons.sigma_upper_dph].map(|v| significant(v, 2));
         out += &format!(
             "\n  turn-on to turn-on: σ {sigma} °/h over {} runs, below {upper} °/h with 95 % confidence",

@@ -128,17 +128,17 @@ pub(super) fn note_unit(number: u32) -> Unit {
 /// The number of such a note, if one of its pairs is intact.
 pub(super) fn note_number(unit: &Unit) -> Option<u32> {
     let mut r = Reader::new(unit);
-    let mut found = None;
+    let mut newest = None;
     while let (Some(number), Some(complement)) = (r.u32(), r.u32()) {
         // Four zero bytes in a blank unit would read as u32::MAX, a number that no store gets.
         if number == !complement && number != u32::MAX {
-            found = match found {
-                Some(other) if !is_newer(number, other) => found,
+            newest = match newest {
+                Some(other) if !is_newer(number, other) => newest,
                 _ => Some(number),
             };
         }
     }
-    found
+    newest
 }
 
 /// Store `number` came after store `other`. The numbers go round (RFC 1982): two that a flash holds lie near to each other, so that the

@@ -182,11 +182,11 @@ impl<F: NorFlash> Banks<F> {
     /// **SAG-CORE-022** An image on trial is withdrawn after four starts without a confirmation.
     #[inline(never)]
     pub fn start(&mut self, gyro: &Gyro) -> Loaded {
-        let found = self.inspect_both(gyro);
-        let current = active(&found.map(|bank| bank.report));
-        if let Some((bank, found)) = current.and_then(|bank| Some((bank, found.get(bank)?)))
-            && let BankReport::Valid { stored, .. } = found.report
-            && found.trial
+        let inspected = self.inspect_both(gyro);
+        let current = active(&inspected.map(|bank| bank.report));
+        if let Some((bank, inspected)) = current.and_then(|bank| Some((bank, inspected.get(bank)?)))
+            && let BankReport::Valid { stored, .. } = inspected.report
+            && inspected.trial
         {
             let start = self.start_of(bank);
             // All starts are used, or the flash takes no more marks. If it takes no note either, the image stays on trial, and says so.
@@ -204,8 +204,8 @@ impl<F: NorFlash> Banks<F> {
     /// [`StoreError::Flash`], then it may be on trial or confirmed.
     #[inline(never)]
     pub fn confirm(&mut self, gyro: &Gyro) -> Result<(), StoreError<F::Error>> {
-        let found = self.inspect_both(gyro);
-        let current = active(&found.map(|bank| bank.report)).and_then(|bank| Some((bank, found.get(bank)?)));
+        let inspected = self.inspect_both(gyro);
+        let current = active(&inspected.map(|bank| bank.report)).and_then(|bank| Some((bank, inspected.get(bank)?)));
         match current {
             Some((bank, Found { report: BankReport::Valid { stored, .. }, trial: true, .. })) => {
                 let start = self.start_of(bank);
@@ -218,8 +218,8 @@ impl<F: NorFlash> Banks<F> {
     /// The active image for this gyro. Only reads the flash.
     #[inline(never)]
     pub fn load(&mut self, gyro: &Gyro) -> Loaded {
-        let found = self.inspect_both(gyro);
-        let banks = found.map(|bank| bank.report);
+        let inspected = self.inspect_both(gyro);
+        let banks = inspected.map(|bank| bank.report);
         let current = active(&banks);
         let image = current.and_then(|bank| self.image_of(bank, gyro));
         let origin = match (image, current.and_then(|bank| banks.get(1 - bank))) {
@@ -228,7 +228,7 @@ impl<F: NorFlash> Banks<F> {
             (Some(_), Some(BankReport::Valid { stored, .. })) if !twice(&banks, *stored) => Origin::Newest,
             (Some(_), _) => Origin::Survivor,
         };
-        let trial = current.and_then(|bank| found.get(bank)).is_some_and(|bank| bank.trial);
+        let trial = current.and_then(|bank| inspected.get(bank)).is_some_and(|bank| bank.trial);
         Loaded { image: image.unwrap_or_else(|| gyro.factory_defaults()), origin, banks, trial }
     }
 
@@ -252,8 +252,8 @@ impl<F: NorFlash> Banks<F> {
     #[inline(never)]
     fn store_as(&mut self, gyro: &Gyro, image: &Image, trial: bool) -> Result<(), StoreError<F::Error>> {
         gyro.accept(image).map_err(StoreError::Mismatch)?;
-        let found = self.inspect_both(gyro);
-        let banks = found.map(|bank| bank.report);
+        let inspected = self.inspect_both(gyro);
+        let banks = inspected.map(|bank| bank.report);
         let current = active(&banks);
         let sequence_in_use = match current.and_then(|bank| banks.get(bank)) {
             Some(BankReport::Valid { sequence, .. }) => *sequence,
@@ -268,7 +268,7 @@ impl<F: NorFlash> Banks<F> {
             BankReport::Valid { stored, .. } | BankReport::Withdrawn { stored } => Some(*stored),
             _ => None,
         };
-        let numbers = found.iter().flat_map(|bank| [stored(&bank.report), bank.withdrawn]).flatten();
+        let numbers = inspected.iter().flat_map(|bank| [stored(&bank.report), bank.withdrawn]).flatten();
         let newest = numbers.reduce(|a, b| if is_newer(b, a) { b } else { a }).unwrap_or(0);
         // Without an active image, overwrite a withdrawn one first (its note is in the other bank), one for another gyro last.
         let rank = |report: &BankReport| match report {
@@ -290,8 +290,8 @@ impl<F: NorFlash> Banks<F> {
     /// may be active.
     #[inline(never)]
     pub fn roll_back(&mut self, gyro: &Gyro) -> Result<Image, StoreError<F::Error>> {
-        let found = self.inspect_both(gyro);
-        let (older, number) = match found.map(|bank| bank.report) {
+        let inspected = self.inspect_both(gyro);
+        let (older, number) = match inspected.map(|bank| bank.report) {
             [BankReport::Valid { stored: a, .. }, BankReport::Valid { stored: b, .. }] => {
                 if is_newer(b, a) {
                     (0, b)
@@ -374,16 +374,16 @@ impl<F: NorFlash> Banks<F> {
 
     #[inline(never)]
     fn inspect_both(&mut self, gyro: &Gyro) -> [Found; 2] {
-        let mut found = [self.inspect(0, gyro), self.inspect(1, gyro)];
-        let withdrawn = found.map(|bank| bank.withdrawn);
-        for (bank, withdrawn) in found.iter_mut().zip(withdrawn.iter().rev()) {
+        let mut inspected = [self.inspect(0, gyro), self.inspect(1, gyro)];
+        let withdrawn = inspected.map(|bank| bank.withdrawn);
+        for (bank, withdrawn) in inspected.iter_mut().zip(withdrawn.iter().rev()) {
             if let BankReport::Valid { stored, .. } = bank.report
                 && withdrawn.is_some_and(|number| !is_newer(stored, number))
             {
                 bank.report = BankReport::Withdrawn { stored };
             }
         }
-        found
+        inspected
     }
 
     #[inline(never)]

@@ -183,7 +183,7 @@ fn with_mode<'a, 'b, 'c>(
     target: &Path,
 ) -> &'a mut tempfile::Builder<'b, 'c> {
     use std::os::unix::fs::PermissionsExt;
-    let before = std::fs::metadata(target).map(|found| found.permissions().mode() & 0o777);
+    let before = std::fs::metadata(target).map(|metadata| metadata.permissions().mode() & 0o777);
     builder.permissions(std::fs::Permissions::from_mode(before.unwrap_or(0o666)))
 }
 
@@ -195,7 +195,7 @@ fn with_mode<'a, 'b, 'c>(builder: &'a mut tempfile::Builder<'b, 'c>, _: &Path) -
 /// A file that is replaced keeps the permissions that it had, also those that the umask would take.
 #[cfg(unix)]
 fn keep_mode(file: &std::fs::File, target: &Path) -> std::io::Result<()> {
-    std::fs::metadata(target).map_or(Ok(()), |found| file.set_permissions(found.permissions()))
+    std::fs::metadata(target).map_or(Ok(()), |metadata| file.set_permissions(metadata.permissions()))
 }
 
 #[cfg(not(unix))]

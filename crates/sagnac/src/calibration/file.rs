@@ -29,10 +29,10 @@ impl Calibration {
             return Err(Error::input("JSON, but no calibration of Sagnac").column("format"));
         }
         if head.get("version").and_then(Value::as_u64) != Some(u64::from(VERSION)) {
-            let found = head.get("version").map(ToString::to_string).unwrap_or_default();
+            let version = head.get("version").map(ToString::to_string).unwrap_or_default();
             return Err(Error::input(format!("this program reads version {VERSION}"))
                 .column("version")
-                .value(found)
+                .value(version)
                 .help("calibrate again from the logs, or use the program that wrote the record"));
         }
         within_bounds(&head, "")?;

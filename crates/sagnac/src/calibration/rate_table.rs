@@ -70,12 +70,12 @@ impl ScaleFactor {
     /// What an asymmetry beyond its noise does to the bias, in words: S|Ω| is a rate that does not turn with the table.
     pub fn asymmetry_note(&self) -> Option<String> {
         let beyond = |p: &&Plateau| p.asymmetry.is_some_and(|a| a.ppm.abs() > BEYOND_NOISE * a.sigma_ppm);
-        let made = |p: &Plateau| {
+        let drift_dph = |p: &Plateau| {
             let fastest_dps = p.rates_dps.iter().fold(0.0_f64, |most, rate| most.max(rate.abs()));
             p.asymmetry.map_or(0.0, |a| 0.5 * a.ppm.abs() * 1e-6 * fastest_dps * 3600.0)
         };
         let lame: Vec<&Plateau> = self.plateaus.iter().filter(beyond).collect();
-        let most_dph = lame.iter().map(|p| made(p)).fold(0.0, f64::max);
+        let most_dph = lame.iter().map(|p| drift_dph(p)).fold(0.0, f64::max);
         // One in 370 is beyond three σ by chance.
         (lame.len() * 10 > self.plateaus.len() && most_dph > 0.0).then(|| {
             format!(

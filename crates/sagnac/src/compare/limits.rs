@@ -132,17 +132,18 @@ impl ComparedRecords<'_> {
             let Some(asked) = COMPARED.iter().find(|asked| asked.key == spec.key) else {
                 return spec.not_asked(limit, "needs a retest: `sagnac verify`".to_owned());
             };
-            let held = |found: &Estimate| spec.hold(limit, (found.value.abs(), Some(found.sigma)), rule, self.hours);
+            let held =
+                |estimate: &Estimate| spec.hold(limit, (estimate.value.abs(), Some(estimate.sigma)), rule, self.hours);
             match (asked.value)(self) {
                 ComparedValue::NotAsked(why) => spec.not_asked(limit, why),
                 ComparedValue::Unknown(why) => spec.unknown(limit, why),
-                ComparedValue::One(found) => held(&found),
+                ComparedValue::One(estimate) => held(&estimate),
                 ComparedValue::Bound(value) => spec.hold(limit, (value, None), rule, self.hours),
                 ComparedValue::Pairs(pairs) => {
-                    let of_pair = |(a, b, found): (usize, usize, Result<Estimate, String>)| match found {
-                        Ok(found) => {
+                    let of_pair = |(a, b, estimate): (usize, usize, Result<Estimate, String>)| match estimate {
+                        Ok(estimate) => {
                             let why = Some(format!("{} against {}", self.names[a], self.names[b]));
-                            Verdict { why, ..held(&found) }
+                            Verdict { why, ..held(&estimate) }
                         }
                         Err(why) => spec.unknown(limit, why),
                     };
@@ -291,8 +292,8 @@ impl Bias {
 
 fn turn_ons(biases: &[Bias]) -> ComparedValue {
     let all: Vec<f64> = biases.iter().flat_map(|record| &record.runs).map(|run| run.value).collect();
-    let found = TurnOns::of(&all).map(|found| ComparedValue::Bound(found.sigma_upper_dph));
-    found.unwrap_or_else(|| ComparedValue::Unknown("fewer than two runs".to_owned()))
+    let bound = TurnOns::of(&all).map(|bound| ComparedValue::Bound(bound.sigma_upper_dph));
+    bound.unwrap_or_else(|| ComparedValue::Unknown("fewer than two runs".to_owned()))
 }
 
 fn largest(all: impl Iterator<Item = Estimate>) -> ComparedValue {

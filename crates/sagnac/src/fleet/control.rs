@@ -111,8 +111,8 @@ impl ControlChart {
 
     /// Points that broke a rule, and how many chance makes.
     pub fn count(&self, rule: Rule) -> (usize, Option<f64>) {
-        let found = self.signals.iter().filter(|(_, broken)| *broken == rule).count();
-        (found, rule.by_chance().map(|rate| rate * self.values.len() as f64))
+        let count = self.signals.iter().filter(|(_, broken)| *broken == rule).count();
+        (count, rule.by_chance().map(|rate| rate * self.values.len() as f64))
     }
 }
 

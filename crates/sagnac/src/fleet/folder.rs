@@ -59,7 +59,7 @@ impl Results {
         let files = Files::of(&unit.name, &self.folder);
         let before: UnitResult = serde_json::from_slice(&fs::read(&files.result).ok()?).ok()?;
         let is_whole = |path: &Path, written: &Option<String>| match written {
-            Some(written) => sha256_of_file(path).is_ok_and(|found| found == *written),
+            Some(written) => sha256_of_file(path).is_ok_and(|sha256| sha256 == *written),
             None => !path.exists(),
         };
         let is_whole = is_whole(&files.record, &before.record_sha256) && is_whole(&files.proof, &before.proof_sha256);

@@ -140,9 +140,9 @@ fn by_its_folder(log: PathBuf) -> MatchedLog {
     MatchedLog { unit: folder.to_string_lossy().into_owned(), log, ..MatchedLog::default() }
 }
 
-fn gathered(found: Vec<MatchedLog>) -> Result<Vec<Unit>> {
+fn gathered(logs: Vec<MatchedLog>) -> Result<Vec<Unit>> {
     let mut units = Gathered::default();
-    for MatchedLog { unit, lot, rig, of, log } in found {
+    for MatchedLog { unit, lot, rig, of, log } in logs {
         let place = log.display().to_string();
         units.add(Unit { name: unit, lot, rig, ..Unit::default() }, of, log).map_err(|e| e.file(place))?;
     }

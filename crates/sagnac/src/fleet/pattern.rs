@@ -73,7 +73,7 @@ pub(super) fn matches(template: &Path, logs_of: impl FnOnce(&str) -> Result<Vec<
     };
     let glob: Vec<String> = folders.iter().map(|folder| folder.iter().map(as_glob).collect()).collect();
     let logs = logs_of(&glob.join("/"))?;
-    let found = |log: PathBuf| {
+    let matched = |log: PathBuf| {
         let text =
             log.to_str().ok_or_else(|| Error::input("a name that is not Unicode").file(log.display().to_string()))?;
         let mut values: BTreeMap<&'static str, String> = BTreeMap::new();
@@ -86,7 +86,7 @@ pub(super) fn matches(template: &Path, logs_of: impl FnOnce(&str) -> Result<Vec<
         let use_of_log = value("use").parse().map_err(|e: Error| e.file(text))?;
         Ok(MatchedLog { unit: value("unit"), lot: value("lot"), rig: value("rig"), of: use_of_log, log: log.clone() })
     };
-    logs.into_iter().map(found).collect()
+    logs.into_iter().map(matched).collect()
 }
 
 /// The parts of a folder's or file's name.

@@ -162,7 +162,7 @@ impl Quality {
             let Some(chart) = ControlChart::new(values.iter().map(|value| value.value).collect()) else { continue };
             for (axis_name, value) in names.iter().zip(&chart.values) {
                 let sigmas = (value - chart.centre) / chart.sigma;
-                let further = odd.get(axis_name).is_none_or(|found| sigmas.abs() > found.sigmas.abs());
+                let further = odd.get(axis_name).is_none_or(|known| sigmas.abs() > known.sigmas.abs());
                 if sigmas.abs() > ODD && further {
                     odd.insert(axis_name.clone(), Odd { of: axis_name.clone(), quantity: name.clone(), sigmas });
                 }
@@ -267,7 +267,7 @@ fn rig_effects(name: &str, unit: &str, values: &[AxisValue<'_>], probability: f6
     let variance = squares / degrees;
     let bound = Normal::standard().inverse_cdf(1.0 - probability / 2.0);
     let all = compared_rigs(&lots, variance);
-    let (compared, mut found) = (all.len(), Vec::new());
+    let (compared, mut effects) = (all.len(), Vec::new());
     let mut rest = all;
     // The furthest first, and then the others without it: they do not differ because of it.
     while let Some(ComparedRig { rig, difference, sigma, axes }) =
@@ -278,9 +278,9 @@ fn rig_effects(name: &str, unit: &str, values: &[AxisValue<'_>], probability: f6
         });
         rest = compared_rigs(&lots, variance);
         let [rig, quantity, unit] = [rig, name, unit].map(str::to_owned);
-        found.push(RigEffect { rig, quantity, unit, difference, sigma, axes });
+        effects.push(RigEffect { rig, quantity, unit, difference, sigma, axes });
     }
-    (compared, found)
+    (compared, effects)
 }
 
 /// A rig beside the others of its lots.
@@ -365,7 +365,7 @@ fn capabilities(results: &[UnitResult]) -> Vec<Capability> {
         }
     };
     let mut all: Vec<Capability> = all.into_iter().map(capability).collect();
-    let tightness = |found: &Capability| found.cpk.map_or(f64::INFINITY, |[cpk, _]| cpk);
+    let tightness = |capability: &Capability| capability.cpk.map_or(f64::INFINITY, |[cpk, _]| cpk);
     all.sort_by(|a, b| b.not_met.cmp(&a.not_met).then_with(|| tightness(a).total_cmp(&tightness(b))));
     all
 }

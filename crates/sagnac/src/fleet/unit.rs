@@ -48,14 +48,14 @@ pub fn answer(unit: &Unit, recipe: &Recipe, memory: MemoryBudget, before: Option
     if key.as_ref().is_ok_and(|key| Some(key.as_str()) == before) {
         return Answer::Unchanged;
     }
-    let made = match (&setup, options, &key) {
+    let fitted = match (&setup, options, &key) {
         (Ok(setup), Ok(options), Ok(_)) => guarded(|| record_of(unit, setup, &options)),
         (Err(e), ..) | (.., Err(e)) => Err(e.clone()),
         (_, Err(e), _) => Err(e),
     };
     let mut result = Box::new(UnitResult::begun(unit, key.unwrap_or_default()));
     let (mut record, mut proof) = (None, None);
-    match made {
+    match fitted {
         Ok((calibration, text)) => {
             result.calibrated(&calibration, hash_of(&text));
             record = Some(text);

@@ -95,7 +95,7 @@ fn likelihood(blocks: Vec<Block>) -> Option<RestrictedLikelihood> {
 fn shown(likelihood: &RestrictedLikelihood) -> Option<Estimated> {
     let degrees = likelihood.degrees;
     let slow = estimate(likelihood.nominal_s, |noise| likelihood.criterion(noise)).mixed;
-    let with = |slow| likelihood.misfit(slow).map(|found| RowNoise { slow, white: found.ssr / degrees });
+    let with = |slow| likelihood.misfit(slow).map(|misfit| RowNoise { slow, white: misfit.ssr / degrees });
     let [more, less] = [SLOPE_STEP, -SLOPE_STEP].map(|step| with(slow.scaled(step.exp())));
     Some(Estimated { best: with(slow)?, beside: [more?, less?], degrees })
 }

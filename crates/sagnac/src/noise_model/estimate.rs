@@ -48,8 +48,8 @@ pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64 + Sy
     let best_of_each = |base: SlowNoise, processes: &[Process]| -> Vec<(SlowNoise, f64)> {
         let best_of = |process: &Process| {
             let with = |log: f64| process.of_variance(base, log.exp());
-            let found = minimum(LEAST.ln(), MOST.ln(), LN_TOLERANCE, |log| criterion(with(log)));
-            (with(found.at), found.value)
+            let lowest = minimum(LEAST.ln(), MOST.ln(), LN_TOLERANCE, |log| criterion(with(log)));
+            (with(lowest.at), lowest.value)
         };
         processes.par_iter().map(best_of).collect()
     };
@@ -57,11 +57,11 @@ pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64 + Sy
     let markov = MARKOV_WINDOWS.map(|windows| Process::Markov(windows * nominal_s));
     let first = best_of_each(white.0, &[&[Process::Flicker, Process::Walk][..], &markov].concat());
     let gain_of = |at: usize| if at == 0 { 0.0 } else { GAIN };
-    let mut best = first.iter().enumerate().fold(white, |best, (at, found)| better(best, *found, gain_of(at)));
+    let mut best = first.iter().enumerate().fold(white, |best, (at, tried)| better(best, *tried, gain_of(at)));
     let base = best.0;
     let open = [(Process::Flicker, base.flicker), (Process::Walk, base.walk_per_h)].into_iter();
     let second: Vec<Process> = open.filter(|(_, variance)| *variance == 0.0).map(|(process, _)| process).collect();
-    best = best_of_each(base, &second).into_iter().fold(best, |best, found| better(best, found, GAIN));
+    best = best_of_each(base, &second).into_iter().fold(best, |best, tried| better(best, tried, GAIN));
     let log_variance = log_variance(best, criterion);
     let mixed = if best.0 == SlowNoise::default() { best.0 } else { mixture(best, &first) };
     NoiseEstimate { best: SlowNoise { log_variance, ..best.0 }, mixed: SlowNoise { log_variance, ..mixed } }

@@ -207,7 +207,7 @@ impl RestrictedLikelihood {
 
     /// −2·ln L; infinite where there is none.
     pub(crate) fn criterion(&self, noise: SlowNoise) -> f64 {
-        self.misfit(noise).map_or(f64::INFINITY, |found| self.degrees * found.ssr.ln() + found.determinants)
+        self.misfit(noise).map_or(f64::INFINITY, |misfit| self.degrees * misfit.ssr.ln() + misfit.determinants)
     }
 }
 

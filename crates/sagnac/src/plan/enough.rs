@@ -243,7 +243,7 @@ fn axis_so_far(
     let letter = axis.axis;
     let mut say = |is_open: bool, what: String| open.extend(is_open.then(|| format!("axis {letter}: {what}")));
     say(fit.hysteresis.is_none(), "heating and cooling cannot be compared yet".to_owned());
-    fit.entanglement.iter().for_each(|found| say(true, found.note()));
+    fit.entanglement.iter().for_each(|entanglement| say(true, entanglement.note()));
     say(axis.noise_floor().is_none(), "the noise floor is not known, so a misfit of the model is not seen".to_owned());
     if let (Some(limit), Some(beyond)) = (request.limits.sigma_beyond_floor_dph_max, beyond_floor(axis)) {
         say(

@@ -131,7 +131,7 @@ pub fn plan(request: &PlanRequest) -> Result<Plan> {
         sigma_dph: promise.sigma_dph,
         expected: promise.expected,
         not_planned: promise::not_planned(&request.limits),
-        hours_without_prior: without.map(|found| found.profile.hours(&request.chamber)),
+        hours_without_prior: without.map(|promised| promised.profile.hours(&request.chamber)),
         candidates,
     })
 }
@@ -184,7 +184,7 @@ fn none(request: &PlanRequest, nearest: Option<Promise>) -> Error {
 fn shortest(
     request: &PlanRequest,
     all: &[Profile],
-    found: &mut Option<PromisedProfile>,
+    planned: &mut Option<PromisedProfile>,
     looked_at: &mut usize,
 ) -> Option<Promise> {
     let mut nearest: Option<Promise> = None;
@@ -199,8 +199,8 @@ fn shortest(
         let does = |candidate: &PromisedProfile| candidate.promise.probability >= request.probability;
         // Lengths within a chunk differ little: of those that do it the one that knows most.
         let sigma = |candidate: &PromisedProfile| candidate.promise.sigma_dph;
-        *found = some.into_iter().filter(does).min_by(|a, b| sigma(a).total_cmp(&sigma(b)));
-        if found.is_some() {
+        *planned = some.into_iter().filter(does).min_by(|a, b| sigma(a).total_cmp(&sigma(b)));
+        if planned.is_some() {
             break;
         }
     }
@@ -237,8 +237,8 @@ fn promised(request: &PlanRequest, profile: &Profile) -> Option<Promise> {
         LogReader::from_reader("plan.csv", Box::new(std::io::Cursor::new(log)), &setup, ReadMode::Bulk).ok()?;
     let windows = WindowBuilder::read_all(vec![reader], &setup).ok()?.finish();
     let options = FitOptions::new(Model::Auto).prior(Some(request.prior.clone()));
-    let made = calibrate(windows, &setup, &options).ok()?;
-    let axis = made.axes.first()?;
+    let calibration = calibrate(windows, &setup, &options).ok()?;
+    let axis = calibration.axes.first()?;
     Promise::of(axis, &request.limits, request.share, rate_of(axis, request))
 }
 

@@ -45,11 +45,11 @@ impl PlateauNoise {
             Block { rows, own: columns.ncols() - 1, columns }
         };
         let blocks: Vec<Block> = plateaus.iter().zip(levels).map(block).collect();
-        let found = match known.stated {
+        let noise = match known.stated {
             Some((slow, white)) => Some(stated_or_shown(blocks, RowNoise { slow, white })),
-            None => noise_of_blocks(blocks).map(|found| found.best),
+            None => noise_of_blocks(blocks).map(|estimated| estimated.best),
         };
-        found.map_or(white, |RowNoise { slow, white }| Self { slow, white, longest_s, nominal_s })
+        noise.map_or(white, |RowNoise { slow, white }| Self { slow, white, longest_s, nominal_s })
     }
 
     /// Variance of a window about a fit of some columns to its plateau; never less than over all plateaus. `None` where nothing is

@@ -117,7 +117,7 @@ fn in_words(name: &str) -> &str {
 /// Thermometers that stand still while another one moves away, with the place, by the watch of the target.
 fn standing_still(windows: &Windows) -> Vec<(usize, String)> {
     let names = &windows.shape.thermometers;
-    let mut found: Vec<(usize, String)> = Vec::new();
+    let mut faults: Vec<(usize, String)> = Vec::new();
     for run in &windows.runs {
         let q24 = |celsius: f64| (celsius * Q24_PER_C) as u32;
         let spec = WatchSpec { shows: q24(SHOWS_C), still: q24(STILL_C), command_shows: 0 };
@@ -132,7 +132,7 @@ fn standing_still(windows: &Windows) -> Vec<(usize, String)> {
             let values: [Option<i32>; MAX_INPUTS] = std::array::from_fn(|place| tracks.get(place).and_then(value));
             let still = watch.update(&values, None);
             for (place, track) in tracks.iter().enumerate().filter(|(place, _)| still >> place & 1 == 1) {
-                if !found.iter().any(|(known, _)| *known == place) {
+                if !faults.iter().any(|(known, _)| *known == place) {
                     let hours = at as f64 * s_from_ns(windows.shape.period_ns) / 3600.0;
                     let what = format!(
                         "{} stands still at {:.2} °C while another thermometer moves, first seen {hours:.2} h after the start of {}",
@@ -140,10 +140,10 @@ fn standing_still(windows: &Windows) -> Vec<(usize, String)> {
                         track[at],
                         file_name(&run.name())
                     );
-                    found.push((place, what));
+                    faults.push((place, what));
                 }
             }
         }
     }
-    found
+    faults
 }

@@ -126,9 +126,9 @@ fn training_overlap(correction: &Correction, retests: &[LogFile]) -> Vec<String>
     let same_rows = |retest: &LogFile| share_rows(&[&retest.rows_sketch], &fits);
     let seen = |retest: &&LogFile| same_rows(retest) || of_fit().any(|input| input.sha256 == retest.sha256);
     let names = |logs: &mut dyn Iterator<Item = &LogFile>| logs.map(|retest| retest.file.clone()).collect::<Vec<_>>();
-    let found = names(&mut retests.iter().filter(seen));
+    let repeated = names(&mut retests.iter().filter(seen));
     // Parts of a log share few hashes with it each, and many together.
-    if found.is_empty() && share_rows(&all, &fits) { names(&mut retests.iter()) } else { found }
+    if repeated.is_empty() && share_rows(&all, &fits) { names(&mut retests.iter()) } else { repeated }
 }
 
 #[cfg(test)]

@@ -126,8 +126,8 @@ fn jumps(windows: &Windows, members: &[usize]) -> Vec<bool> {
         } else {
             (COLUMN_JUMP * (hi - lo)).max(JUMP_OF_USUAL * usual)
         };
-        let found = each.iter().zip(&mut jumps[1..]).filter(|(m, _)| **m >= limit && **m > 0.0);
-        found.for_each(|(_, jump)| *jump = true);
+        let beyond = each.iter().zip(&mut jumps[1..]).filter(|(m, _)| **m >= limit && **m > 0.0);
+        beyond.for_each(|(_, jump)| *jump = true);
     }
     jumps
 }

@@ -130,13 +130,13 @@ fn described(
 ) -> Result<()> {
     let scale_known = setup.arcsec_per_count.is_some() || windows.shape.unit == AngleUnit::Arcsec;
     let assumed = Setup { arcsec_per_count: setup.arcsec_per_count.or(Some(1.0)), ..setup.clone() };
-    let mut found = survey(windows, if scale_known { setup } else { &assumed })?;
+    let mut survey = survey(windows, if scale_known { setup } else { &assumed })?;
     if !scale_known {
-        found.cautions.push(
+        survey.cautions.push(
             "the size of a count is not known (--arcsec-per-count): rates below are counts per second".to_owned(),
         );
     }
-    let object = object_of(windows, found, ignored, kind, scale_known);
+    let object = object_of(windows, survey, ignored, kind, scale_known);
     say(&object, scale_known, console);
     if let Some(path) = wanted.windows {
         write_rows(path, table_columns(windows), (0..windows.len()).map(|at| table_row(windows, at)))?;

@@ -120,8 +120,8 @@ fn pour(args: &Args, tally: &mut Tally, out: &mut dyn Write) -> Result<()> {
         }
         for byte in &block[..have] {
             let mut frame = reader.push(*byte);
-            while let Some(found) = frame {
-                if let Some(row) = tally.take(&found, args.tick_us) {
+            while let Some(bytes) = frame {
+                if let Some(row) = tally.take(&bytes, args.tick_us) {
                     out.write_all(row.as_bytes()).map_err(|e| written(&e))?;
                 }
                 frame = reader.next_buffered();

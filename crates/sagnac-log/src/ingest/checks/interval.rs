@@ -57,8 +57,8 @@ impl TimeSteps {
         if self.regular_part < REGULAR_PART || close(self.typical_ns as f64) || close(self.mean_ns) {
             return Ok(());
         }
-        let found = significant(self.typical_ns as f64 / NS_PER_S, 6);
-        let what = format!("the time column has a row every {found} s (mean of the first {} steps)", self.number);
+        let interval_s = significant(self.typical_ns as f64 / NS_PER_S, 6);
+        let what = format!("the time column has a row every {interval_s} s (mean of the first {} steps)", self.number);
         Err(Error::input(what).column("sample_interval_s").value(s_from_ns(given_ns).to_string()).help(
             "give that with --sample-interval (sample_interval_s), or leave it out where the log is a file; map the time column to \"ignore\" under [columns] if it is wrong",
         ))

@@ -375,10 +375,10 @@ fn refuse_other_unit(name: &str, unit: &str) -> Result<()> {
     }
     let stated = Some(quantity_of(rest).0)
         .filter(|word| *word == "ns" || endings().any(|ending| ending == *word && !word.is_empty()));
-    let found = ending_of(quantity, unit);
+    let ending = ending_of(quantity, unit);
     let refused = |what: String| Err(Error::input(what).column(name).value(unit));
-    match (stated, found) {
-        (Some(stated), found) if found != Some(stated) => {
+    match (stated, ending) {
+        (Some(stated), ending) if ending != Some(stated) => {
             refused(format!("the header says `{stated}`, the line of units says otherwise"))
                 .map_err(|e: Error| e.help("correct one of the two; Sagnac does not guess which"))
         }

@@ -49,9 +49,9 @@ impl<'a> Parts<'a> {
 
     /// Root mean square over the rows of the sum of an input's terms, about its mean, °/h.
     pub(crate) fn rms_of(&self, input: usize) -> f64 {
-        let made = self.made(|term| term.input == input);
-        let mean = made.iter().sum::<f64>() / made.len().max(1) as f64;
-        (made.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / made.len().max(1) as f64).sqrt()
+        let part_dph = self.made(|term| term.input == input);
+        let mean = part_dph.iter().sum::<f64>() / part_dph.len().max(1) as f64;
+        (part_dph.iter().map(|m| (m - mean).powi(2)).sum::<f64>() / part_dph.len().max(1) as f64).sqrt()
     }
 
     /// Every input alone; of the thermometer of the fit only its rate, because other figures show its value.

@@ -162,12 +162,12 @@ impl TrackNoise {
     fn of_tracks(tracks: &[&[f64]], shape: &WindowShape, in_celsius: bool) -> Self {
         let period_s = s_from_ns(shape.period_ns);
         let row = (shape.sample_interval_s / period_s).round().max(1.0) as usize;
-        let found = tracks.iter().map(|track| renewal(track)).fold(0, gcd);
+        let points = tracks.iter().map(|track| renewal(track)).fold(0, gcd);
         // A value that changes only every few windows is not a held reading: a mode, a gain. Nor are temperatures that have changed a
         // few times, by a step of the converter: they are read more often than they change.
         let changes = || tracks.iter().flat_map(|track| track.windows(2)).filter(|pair| pair[0] != pair[1]).count();
         let most_s = if in_celsius && changes() >= MANY_CHANGES { LONGEST_HOLD_S } else { shape.nominal_s / 3.0 };
-        let renewal = if found <= (most_s / period_s) as usize { found.max(row) } else { row };
+        let renewal = if points <= (most_s / period_s) as usize { points.max(row) } else { row };
         let mut seconds: Vec<f64> = Vec::new();
         for track in tracks {
             // From the first renewal on, one point of each reading.

@@ -155,29 +155,30 @@ impl<'a> PreparedModel<'a> {
     /// The rate columns of an input beyond the fixed ones; those of the grid are kept.
     fn at_lag(&self, input: usize, tau_s: f64) -> Arc<[Beyond]> {
         let key = (input, tau_s.to_bits());
-        if let Some(found) = self.known.read().ok().and_then(|known| known.get(&key).map(Arc::clone)) {
-            return found;
+        if let Some(columns) = self.known.read().ok().and_then(|known| known.get(&key).map(Arc::clone)) {
+            return columns;
         }
-        let recent =
-            |last: &LastLags| last.get(&input).filter(|(bits, _)| *bits == key.1).map(|(_, made)| Arc::clone(made));
-        if let Some(found) = self.last.read().ok().and_then(|last| recent(&last)) {
-            return found;
+        let recent = |last: &LastLags| {
+            last.get(&input).filter(|(bits, _)| *bits == key.1).map(|(_, columns)| Arc::clone(columns))
+        };
+        if let Some(columns) = self.last.read().ok().and_then(|last| recent(&last)) {
+            return columns;
         }
         let mut rates: Rates = vec![Arc::default(); self.problem.inputs.len()];
         rates[input] = self.problem.rate_columns(input, tau_s);
         let own = self.terms.iter().filter(|term| term.form.times_rate && term.input == input);
-        let made: Arc<[Beyond]> =
+        let columns: Arc<[Beyond]> =
             own.map(|term| self.beyond(self.column(|row| self.problem.regressor(term, row, &rates)))).collect();
         if !self.taus_s.contains(&tau_s) {
             if let Ok(mut last) = self.last.write() {
-                last.insert(input, (key.1, Arc::clone(&made)));
+                last.insert(input, (key.1, Arc::clone(&columns)));
             }
         } else if let Ok(mut known) = self.known.write()
-            && (known.len() + 1).saturating_mul(made.len() * self.problem.len()) <= MOST_VALUES
+            && (known.len() + 1).saturating_mul(columns.len() * self.problem.len()) <= MOST_VALUES
         {
-            known.insert(key, Arc::clone(&made));
+            known.insert(key, Arc::clone(&columns));
         }
-        made
+        columns
     }
 
     /// A column, each row times the root of its weight, without what is projected out of its run.

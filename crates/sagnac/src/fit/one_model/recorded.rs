@@ -51,7 +51,7 @@ pub(crate) fn recorded_inputs(
 /// Terms over those inputs.
 pub(crate) fn terms(fitted: &Fitted, problem: &LeastSquares<'_>, inputs: &[Input]) -> Vec<CorrectionTerm> {
     let levels = problem.levels().len();
-    let vif = |at: usize| fitted.conditioning.as_ref().and_then(|found| *found.vif.get(at)?);
+    let vif = |at: usize| fitted.conditioning.as_ref().and_then(|conditioning| *conditioning.vif.get(at)?);
     let term = |(at, column): (usize, &TermColumn)| {
         let (value, sigma) = (fitted.theta[levels + at], fitted.sigma(levels + at));
         let sampled = &problem.inputs[column.input];

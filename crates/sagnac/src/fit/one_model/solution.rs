@@ -189,11 +189,11 @@ pub(crate) fn beside(
     design.whitening = Some(whitening);
     let FactoredColumns { factor, count } = design.factor(&[column.to_vec()]);
     let others: Vec<usize> = (0..count - 1).collect();
-    let made = factor.regress(count - 1, &others)?;
-    let misfit = made.ssr.max(OWN_PART * factor.norm_squared(count - 1));
+    let regression = factor.regress(count - 1, &others)?;
+    let misfit = regression.ssr.max(OWN_PART * factor.norm_squared(count - 1));
     let with = factor.solve(&(0..count).collect::<Vec<_>>());
     let coefficient = with.map_or(0.0, |solution| solution.theta[count - 1]);
-    let of_terms = made.theta.iter().copied().skip(problem.levels().len()).collect();
+    let of_terms = regression.theta.iter().copied().skip(problem.levels().len()).collect();
     Some(Beside { of_terms, misfit, coefficient })
 }
 
@@ -242,8 +242,8 @@ fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn],
             if is_slow(problem, &taus, at + 1) {
                 match find_pair(problem, terms, &taus, at, taus_s, &misfit) {
                     LagPair::Pair(pair) => {
-                        for (tau, found) in taus[at..].iter_mut().zip(pair) {
-                            (tau.value_s, tau.resolved) = found;
+                        for (tau, lag) in taus[at..].iter_mut().zip(pair) {
+                            (tau.value_s, tau.resolved) = lag;
                         }
                     }
                     LagPair::NotSeparated => return Err(not_separated(problem, spec, taus[at].input)),
@@ -257,8 +257,8 @@ fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn],
             };
             let grid = taus_s.get(problem.tau_from()[taus[at].input]..).unwrap_or(&[]);
             let degrees = (problem.len() as f64 - (problem.levels().len() + terms.len()) as f64).max(1.0);
-            let found = find_tau(grid, degrees, |tau_s| misfit(&with(tau_s)));
-            (taus[at].value_s, taus[at].resolved) = found.ok_or_else(|| dependent(problem, spec))?;
+            let lag = find_tau(grid, degrees, |tau_s| misfit(&with(tau_s)));
+            (taus[at].value_s, taus[at].resolved) = lag.ok_or_else(|| dependent(problem, spec))?;
         }
         let moved = taus.iter().zip(&before).any(|(a, b)| (a.value_s / b.value_s - 1.0).abs() > STILL);
         if taus.len() < 2 || !moved {
@@ -297,8 +297,8 @@ fn find_tau(taus_s: &[f64], degrees: f64, misfit: impl Fn(f64) -> f64 + Sync) ->
         let smallest = misfits.iter().position(near).unwrap_or(best);
         return Some((taus_s[smallest], false));
     }
-    let found = minimum(taus_s[best - 1].ln(), taus_s[best + 1].ln(), LN_TAU_TOLERANCE, |log| misfit(log.exp()));
-    Some((found.at.exp(), true))
+    let lowest = minimum(taus_s[best - 1].ln(), taus_s[best + 1].ln(), LN_TAU_TOLERANCE, |log| misfit(log.exp()));
+    Some((lowest.at.exp(), true))
 }
 
 /// ∂y of every parameter of [`Fitted::nonlinear`], in its order.

@@ -28,15 +28,15 @@ pub(crate) fn value(problem: &LeastSquares<'_>, fitted: &Fitted) -> Option<WarmU
 /// The same with the uncertainty of its size and its τ, under this noise beside a white variance.
 pub(crate) fn estimate(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise, white: f64) -> Option<WarmUp> {
     let (column, tau_s) = find(problem)?;
-    let found = value(problem, fitted)?;
+    let warm_up = value(problem, fitted)?;
     // ∂/∂τ of a·e^(−t/τ) = a·e^(−t/τ)·t/τ².
     let slope = |row: usize| {
         let level = problem.level(row, Level::WarmUp { tau_s });
-        found.value_dph * level * problem.since_start_s(row) / tau_s.powi(2)
+        warm_up.value_dph * level * problem.since_start_s(row) / tau_s.powi(2)
     };
     let (normal, z) = weighted_rows(problem, fitted, Some((0..problem.len()).map(slope).collect()))?;
     let covariance = &normal * noise.between(problem.noise_rows(), &z) * &normal * white;
     let sigma = |at: usize| Some(covariance[(at, at)].max(0.0).sqrt()).filter(|sigma| sigma.is_finite());
     let tau_s = Lag { value: tau_s, sigma: sigma(covariance.nrows() - 1) };
-    Some(WarmUp { sigma_dph: sigma(column), tau_s, ..found })
+    Some(WarmUp { sigma_dph: sigma(column), tau_s, ..warm_up })
 }

@@ -249,8 +249,8 @@ impl<'a> AxisRows<'a> {
 
     fn lag(&self, input: usize, run: usize, tau_s: f64) -> LagRate<'_> {
         let SampledInput { signal, span, .. } = &self.inputs[input];
-        let made = || self.runs.iter().map(|run| stretches(&signal.track(self.windows, *run))).collect();
-        let track = match &self.tracks[self.source(input)].get_or_init(made)[run] {
+        let tracks = || self.runs.iter().map(|run| stretches(&signal.track(self.windows, *run))).collect();
+        let track = match &self.tracks[self.source(input)].get_or_init(tracks)[run] {
             Some(kept) => LagTrack::Stretches(kept),
             None => LagTrack::Points(signal.track(self.windows, self.runs[run])),
         };

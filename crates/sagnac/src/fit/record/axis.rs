@@ -106,7 +106,7 @@ pub(crate) fn fit_axis(
         collinearity: fitted
             .conditioning
             .as_ref()
-            .map(|found| Collinearity { condition: found.condition, limit: CONDITION_MAX }),
+            .map(|conditioning| Collinearity { condition: conditioning.condition, limit: CONDITION_MAX }),
         correction_noise: (!fitted.terms.is_empty()).then(|| one.correction_noise.clone()),
         whole_noise: None,
         hysteresis: None,

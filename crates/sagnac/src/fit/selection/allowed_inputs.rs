@@ -94,19 +94,19 @@ pub(crate) fn count_steps(problem: &LeastSquares<'_>, spec: &mut ModelSpec) -> R
 }
 
 fn find_input(name: &str, main: Signal, shape: &WindowShape) -> Result<Signal> {
-    let found = Signal::named(name, shape).ok_or_else(|| {
+    let signal = Signal::named(name, shape).ok_or_else(|| {
         let all: Vec<String> = Signal::others(shape, usize::MAX).into_iter().map(|s| s.name(shape)).collect();
         Error::input("the log has no such input").value(name).help(format!("it has: {}", Error::choices(&all)))
     })?;
-    if found == main {
+    if signal == main {
         return Err(Error::input("is the thermometer of the fit; its terms stand without brackets").value(name));
     }
-    if let Signal::Difference { of, less } = found
+    if let Signal::Difference { of, less } = signal
         && of == less
     {
         return Err(Error::input("a thermometer less itself is nothing").value(name));
     }
-    Ok(found)
+    Ok(signal)
 }
 
 /// Inputs besides the thermometer of the fit that `auto` may use: those named in the setup, otherwise all that vary and are
@@ -119,8 +119,8 @@ pub(crate) fn candidate_inputs(
 ) -> Result<(Vec<Signal>, Vec<RejectedInput>)> {
     let shape = &windows.shape;
     if let Some(names) = &setup.inputs {
-        let found = names.iter().map(|name| find_input(name, main, shape).map_err(|e| e.column("inputs")));
-        return Ok((found.collect::<Result<_>>()?, Vec::new()));
+        let signals = names.iter().map(|name| find_input(name, main, shape).map_err(|e| e.column("inputs")));
+        return Ok((signals.collect::<Result<_>>()?, Vec::new()));
     }
     let Signal::Thermometer(at) = main else { return Ok((Vec::new(), Vec::new())) };
     let (mut further, mut aside) = (Vec::new(), Vec::new());

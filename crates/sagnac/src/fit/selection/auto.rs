@@ -104,9 +104,9 @@ fn known_together<'a>(
             return Ok(grid);
         }
         let with_all: Vec<Signal> = std::iter::once(main).chain(further.iter().copied()).collect();
-        let made = make(&with_all);
+        let candidate = make(&with_all);
         let enough = |problem: &LeastSquares<'_>| problem.len() as f64 >= KNOWN_TOGETHER * grid.len() as f64;
-        match made {
+        match candidate {
             Ok(problem) if named || enough(&problem) => return Ok(problem),
             Err(error) if named => {
                 return Err(error.column("inputs").help("the inputs that are named must be known in the same windows"));

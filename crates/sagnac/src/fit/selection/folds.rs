@@ -325,7 +325,7 @@ impl<'a> Trial<'a> {
         if !self.factors.contains_key(at) {
             let lags_s: Vec<(usize, f64)> =
                 self.rated.iter().zip(at).map(|(input, tau)| (*input, self.taus_s[*tau])).collect();
-            let made = match &self.prepared {
+            let factors = match &self.prepared {
                 Some(prepared) => prepared.factors(&lags_s),
                 None => {
                     let rates = self.problem.rates(&lags_s);
@@ -334,7 +334,7 @@ impl<'a> Trial<'a> {
                     })
                 }
             };
-            self.factors.insert(at.to_vec(), Folds::of(made));
+            self.factors.insert(at.to_vec(), Folds::of(factors));
         }
         &self.factors[at]
     }

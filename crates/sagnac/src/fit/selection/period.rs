@@ -78,10 +78,10 @@ fn search(
     let misfits: Vec<f64> = grid.par_iter().map(|turns| misfit(*turns)).collect();
     let best = (0..grid.len()).min_by(|a, b| misfits[*a].total_cmp(&misfits[*b])).unwrap_or(0);
     let turns = minimum((grid[best] - STEP).max(FEWEST), grid[best] + STEP, TOLERANCE, misfit).at;
-    let found = with(turns);
+    let with_period = with(turns);
     let gain = needed_gain(effective_windows(problem.len(), base.autocorrelation), 3, (2.0 * most) as usize);
     let held_out = |spec: &ModelSpec| Trial::new(problem, spec, taus_s).held_out();
-    let (before, after) = (held_out(&without), held_out(&found));
+    let (before, after) = (held_out(&without), held_out(&with_period));
     match (before, after) {
         (Some(before), Some(after)) if after * gain < before => Ok(width / turns),
         _ => Err(Error::refused(format!(

@@ -43,6 +43,6 @@ fn settled<'a>(problem: &LeastSquares<'a>, spec: &ModelSpec, taus_s: &[f64]) -> 
         problem.with_levels(levels)
     };
     let misfit_at = |ln_tau: f64| misfit(&at(ln_tau), &fitted.terms, &lags);
-    let found = minimum((grid_s / 2.0).ln(), (grid_s * 2.0).ln(), LN_TAU_TOLERANCE, misfit_at);
-    Some((at(found.at), misfit_at(found.at)))
+    let lowest = minimum((grid_s / 2.0).ln(), (grid_s * 2.0).ln(), LN_TAU_TOLERANCE, misfit_at);
+    Some((at(lowest.at), misfit_at(lowest.at)))
 }

@@ -66,7 +66,7 @@ pub(crate) fn rivals_of(grades: Grades, problem: &LeastSquares<'_>, specs: &[Mod
         let near = (0.5 * (best - criterion)).exp() > LEAST_WEIGHT;
         // A model that could not be selected, because its terms explain each other, is no rival.
         let conditioning = if near { graded.solution.conditioning(levels, &[]) } else { None };
-        let near = near && conditioning.is_none_or(|found| found.condition <= CONDITION_MAX);
+        let near = near && conditioning.is_none_or(|conditioning| conditioning.condition <= CONDITION_MAX);
         let normal = near.then(|| graded.solution.inverse_normal()).flatten()?;
         let bias = usize::from(specs[graded.spec].thermometer().bias);
         let curve = of_series(problem, &graded.solution.theta, &normal, levels..levels + bias);

@@ -69,11 +69,11 @@ fn added(
         (0..POINTS).map(|point| curve(problem, fitted, values, temperature(problem, point)).abs()).fold(0.0, f64::max);
     let mut most = vec![0.0_f64; POINTS];
     for column in &columns {
-        let Some(found) = beside(problem, fitted, &whitening, column) else { continue };
-        let scale = (variance / found.misfit + found.coefficient.powi(2)).sqrt();
+        let Some(solution) = beside(problem, fitted, &whitening, column) else { continue };
+        let scale = (variance / solution.misfit + solution.coefficient.powi(2)).sqrt();
         for (point, most) in most.iter_mut().enumerate() {
             let celsius = temperature(problem, point);
-            let added = scale * curve(problem, fitted, &found.of_terms, celsius).abs();
+            let added = scale * curve(problem, fitted, &solution.of_terms, celsius).abs();
             *most = most.max(added.min(whole));
         }
     }

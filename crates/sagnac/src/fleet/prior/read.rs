@@ -46,41 +46,41 @@ impl Prior {
     /// # Errors
     /// As [`Prior::read`].
     pub fn from_json(text: &str) -> Result<Self> {
-        let found: Self =
+        let prior: Self =
             serde_json::from_str(text).map_err(|e| Error::input(format!("not a prior of a fleet: {e}")))?;
-        if found.format != FORMAT || found.version != VERSION {
-            let what = format!("{} version {}; this program reads {FORMAT} {VERSION}", found.format, found.version);
+        if prior.format != FORMAT || prior.version != VERSION {
+            let what = format!("{} version {}; this program reads {FORMAT} {VERSION}", prior.format, prior.version);
             return Err(Error::input(what));
         }
-        let mut content = found.clone();
+        let mut content = prior.clone();
         let stated = std::mem::take(&mut content.content_sha256);
         if hash_of(&content).ok().as_deref() != Some(stated.as_str()) {
             return Err(Error::input("the file was changed after it was made: its content has another hash")
                 .column("content_sha256")
                 .help("make the prior anew with `sagnac fleet prior`"));
         }
-        let p = found.terms.len();
+        let p = prior.terms.len();
         let triangle = p * (p + 1) / 2;
         let lengths = |sums: &LotSums| [&sums.value, &sums.product, &sums.covariance, &sums.noise].map(Vec::len);
-        let fits = found.sums.values().all(|sums| lengths(sums) == [p, triangle, triangle, NOISES]);
+        let fits = prior.sums.values().all(|sums| lengths(sums) == [p, triangle, triangle, NOISES]);
         if !fits
-            || found.units.len() != p
-            || found.sums.values().any(|sums| !(1..=MOST_AXES).contains(&sums.axes) || sums.noise_axes > sums.axes)
+            || prior.units.len() != p
+            || prior.sums.values().any(|sums| !(1..=MOST_AXES).contains(&sums.axes) || sums.noise_axes > sums.axes)
         {
             return Err(Error::input("sums that do not fit the terms").column("sums"));
         }
-        if found.span_c[0].partial_cmp(&found.span_c[1]) != Some(std::cmp::Ordering::Less) {
+        if prior.span_c[0].partial_cmp(&prior.span_c[1]) != Some(std::cmp::Ordering::Less) {
             return Err(Error::input("a span that ends before it begins").column("span_c"));
         }
         let is_rate_span = |[lo, hi]: &[f64; 2]| *lo <= 0.0 && *hi >= 0.0 && lo.is_finite() && hi.is_finite();
-        if !found.rate_spans_cpm.iter().all(is_rate_span) {
+        if !prior.rate_spans_cpm.iter().all(is_rate_span) {
             return Err(Error::input("a span of rates without 0").column("rate_spans_cpm"));
         }
-        if found.fixed_lag_s.is_some_and(|lag_s| !(lag_s > 0.0 && lag_s.is_finite())) {
+        if prior.fixed_lag_s.is_some_and(|lag_s| !(lag_s > 0.0 && lag_s.is_finite())) {
             return Err(Error::input("a lag that is none").column("fixed_lag_s"));
         }
         let Self { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs, not_used, sums, .. } =
-            found;
+            prior;
         let head = PriorHead { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs };
         Self::of_sums(head, not_used, sums)
     }

@@ -362,10 +362,10 @@ limits! {
         |a| size(a.residual.over_temperature_dph), "fewer than 40 windows with a temperature, or less than 1 °C between them";
     /// largest fixed bias of a run less that of the calibration
     bias_repeatability_dph_max: "bias repeatability, largest", Most, ANY, "deg/h", KnownInput,
-        |a| size(a.bias_of_every_run().ok().and_then(|found| Some(found.worst()?.difference_dph))), RUN_WITHOUT_BIAS;
+        |a| size(a.bias_of_every_run().ok().and_then(|biases| Some(biases.worst()?.difference_dph))), RUN_WITHOUT_BIAS;
     /// one-sided 95 % bound of the σ from turn-on to turn-on
     turn_on_sigma_dph_max: "turn-on to turn-on bias, σ (95 % bound)", Most, ANY, "deg/h", KnownInput,
-        |a| plain(a.bias_of_every_run().ok().and_then(|found| Some(found.turn_ons?.sigma_upper_dph))),
+        |a| plain(a.bias_of_every_run().ok().and_then(|biases| Some(biases.turn_ons?.sigma_upper_dph))),
         "fewer than two runs, or one that is shorter than eight windows or was turned at one rate alone";
     /// largest fixed bias of a run
     fixed_bias_dph_max: "fixed bias, largest", Most, ANY, "deg/h", KnownInput,

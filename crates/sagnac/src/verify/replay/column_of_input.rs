@@ -72,14 +72,14 @@ impl InputColumns {
 /// Of a calibration's further inputs with codes of their own.
 fn recorded(axis: &AxisCalibration, shape: &LogShape) -> Result<Vec<LogColumn>> {
     let find = |source: &InputSource| {
-        let (what, name, found) = match source {
+        let (what, name, column) = match source {
             InputSource::Difference(..) | InputSource::Repeat(_) => return None,
             InputSource::Thermometer(name) => {
                 ("thermometer", name, place(&shape.thermometers, name).map(LogColumn::Thermometer))
             }
             InputSource::Column(name) => ("auxiliary column", name, place(&shape.aux, name).map(LogColumn::Aux)),
         };
-        Some(found.ok_or_else(|| {
+        Some(column.ok_or_else(|| {
             let all: Vec<String> =
                 shape.thermometers.iter().map(|t| label(t).to_owned()).chain(shape.aux.clone()).collect();
             Error::input(format!("the log has no {what} {name:?}, which the correction uses"))
@@ -117,8 +117,8 @@ fn named(wanted: usize, shape: &LogShape, setup: &Setup) -> Result<Vec<LogColumn
     }
     let find = |name: &&str| {
         let thermometer = shape.thermometers.iter().position(|other| label(other) == *name);
-        let found = thermometer.map(LogColumn::Thermometer).or_else(|| place(&shape.aux, name).map(LogColumn::Aux));
-        found.ok_or_else(|| Error::input("the log has no such input").column("inputs").value(*name))
+        let column = thermometer.map(LogColumn::Thermometer).or_else(|| place(&shape.aux, name).map(LogColumn::Aux));
+        column.ok_or_else(|| Error::input("the log has no such input").column("inputs").value(*name))
     };
     names.iter().map(find).collect()
 }

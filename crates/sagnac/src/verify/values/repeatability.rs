@@ -135,9 +135,9 @@ impl BiasRepeatability {
                 raw_difference_dph: before.value - input_dph - calibration_dph.value,
             })
         };
-        let found: Vec<Option<RunBias>> = (0..windows.runs.len()).map(run).collect();
-        let unknown = found.iter().position(Option::is_none).map(|run| file_name(&windows.runs[run].name()));
-        let runs: Vec<RunBias> = found.into_iter().flatten().collect();
+        let biases: Vec<Option<RunBias>> = (0..windows.runs.len()).map(run).collect();
+        let unknown = biases.iter().position(Option::is_none).map(|run| file_name(&windows.runs[run].name()));
+        let runs: Vec<RunBias> = biases.into_iter().flatten().collect();
         let all: Vec<f64> = biases_of(record).into_iter().chain(runs.iter().map(|run| run.bias_dph.value)).collect();
         let calibration_input_rate_dph = input_of(record).unwrap_or(input_dph);
         let turn_ons = TurnOns::of(&all);

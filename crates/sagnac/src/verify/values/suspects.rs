@@ -42,7 +42,7 @@ impl Suspect {
 
 /// Of an axis of the retest as logged.
 pub(crate) fn suspects(windows: &Windows, axis: usize) -> Vec<Suspect> {
-    let found = suspected(windows, axis);
+    let marks = suspected(windows, axis);
     let rows = &windows.rows;
     let follows =
         |a: &(usize, Reason), b: &(usize, Reason)| b.0 == a.0 + 1 && a.1 == b.1 && rows.run[a.0] == rows.run[b.0];
@@ -65,7 +65,7 @@ pub(crate) fn suspects(windows: &Windows, axis: usize) -> Vec<Suspect> {
             size_dph: own.zip(level).map(|(own, level)| own - level),
         }
     };
-    found.chunk_by(follows).map(stretch).collect()
+    marks.chunk_by(follows).map(stretch).collect()
 }
 
 fn mean(windows: &Windows, axis: usize, members: impl Iterator<Item = usize>) -> Option<f64> {
