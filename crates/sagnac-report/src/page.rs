@@ -10,7 +10,7 @@ use crate::{acceptance, figures, svg, terms};
 use sagnac::calibration::{AxisCalibration, Calibration, LogFile, LogUnit, PpmEstimate, UNASSIGNED};
 use sagnac::diagnostics::{AxisReportData, ReportData};
 use sagnac::notes::{Note, NoteAbout, NoteLevel};
-use sagnac::verify::{AxisVerification, Correction, Figures, Judged, REPEATED_PROFILE, ScaleFigures, Verification};
+use sagnac::verify::{AxisVerification, Correction, DriftValues, Judged, REPEATED_PROFILE, ScaleValues, Verification};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Tally, hex, sha256};
 use sagnac_units::format::{celsius, plain, printable, printable_json, significant, unit, with_sigma};
@@ -324,7 +324,7 @@ fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
     let left = axis.noise_floor.as_ref().map_or("the noise floor is not known".to_owned(), |floor| {
         format!("σ after correction is {} of the noise floor", significant(axis.after.sigma_dph / floor.value_dph, 3))
     });
-    let moved = |f: &Figures| significant(f.peak_to_peak * f.dph_per_unit(), 3);
+    let moved = |f: &DriftValues| significant(f.peak_to_peak * f.dph_per_unit(), 3);
     let gained = format!("max − min {} → {} °/h", moved(&axis.before), moved(&axis.after));
     let class = axis.pass.map_or("", |pass| if pass { "pass" } else { "fail" });
     let word = match axis.pass {
@@ -373,7 +373,7 @@ fn same_log(verification: &Verification) -> Markup {
 }
 
 fn before_after(axis: &AxisVerification, verification: &Verification) -> Markup {
-    let row = |name: &str, f: &Figures| {
+    let row = |name: &str, f: &DriftValues| {
         html! {
             tr {
                 td { (name) } td { (f.n) }
@@ -407,7 +407,7 @@ fn before_after(axis: &AxisVerification, verification: &Verification) -> Markup 
 
 /// The scale factor over the plateaus, before and after.
 fn scale_before_after(axis: &AxisVerification) -> Markup {
-    let row = |name: &str, f: &ScaleFigures| {
+    let row = |name: &str, f: &ScaleValues| {
         html! { tr { td { (name) } @for value in [f.mean_ppm, f.peak_to_peak_ppm, f.sigma_ppm] { td { (significant(value, 3)) } } } }
     };
     html! {

@@ -134,7 +134,7 @@ fn ln100_falls_with_the_slope_of_quantization() {
         let log = sagnac_log::ingest::LogReader::open(&path, setup, sagnac_log::ingest::ReadMode::Bulk).unwrap();
         noise_budget(vec![log], None, setup, &Request { taus, exact: false }).unwrap()
     };
-    // The README's figures assume evenly spaced rows; the stamps jitter by 1 %.
+    // The README's values assume evenly spaced rows; the stamps jitter by 1 %.
     let mut even = Setup { sample_interval_s: Some(0.015_608_7), ..setup.clone() };
     even.columns.remove("t_s");
     let taus = Taus::Given([1.0, 16.0, 64.0, 1024.0, 4096.0].map(|m| m * 0.015_608_7).to_vec());

@@ -66,7 +66,7 @@ fn a_walk_is_off_by_half_the_lost_part_at_most() {
     }
 }
 
-/// Up to 0.5 % of the rows are excluded. More are not: both figures are shown, the unclean one is used, and that is said.
+/// Up to 0.5 % of the rows are excluded. More are not: both values are shown, the unclean one is used, and that is said.
 #[test]
 fn many_disturbed_rows_stay() {
     let setup = setup(&TWELVE_HOURS, Counter::Incremental);

@@ -19,7 +19,7 @@ fn plateaus_separate_scale_and_bias() {
         let away = p.scale.ppm - rig.epsilon_ppm(p.temperature_c);
         assert!(away.abs() < 4.0 * p.scale.sigma_ppm, "{p:?}: {away}");
         assert!((p.bias_dph - 4.498 - rig.bias_dph(p.temperature_c)).abs() < 4.0 * p.bias_sigma_dph, "{p:?}");
-        // The rig is linear and symmetric: the figures are noise, and reported as such.
+        // The rig is linear and symmetric: the values are noise, and reported as such.
         let (bent, lame) = (p.nonlinearity.unwrap(), p.asymmetry.unwrap());
         assert!(bent.ppm < 5.0 * bent.sigma_ppm && lame.ppm.abs() < 4.0 * lame.sigma_ppm, "{p:?}");
     }
@@ -64,7 +64,7 @@ fn rates_that_cannot_separate_them_are_refused() {
     assert!(refused.what.contains("scale"), "{refused}");
 }
 
-/// The verification has figures of bias and of scale factor: 36 ppm over the plateaus before, noise after.
+/// The verification has values of bias and of scale factor: 36 ppm over the plateaus before, noise after.
 #[test]
 fn verify_reports_ppm_before_and_after() {
     let rig = RateTable::domain_notes();

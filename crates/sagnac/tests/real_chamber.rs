@@ -129,7 +129,7 @@ fn time_explains_what_a_second_lag_does_not() {
     }
     let effects: Vec<usize> = auto.axes.iter().map(|axis| axis.fit.as_ref().unwrap().time_effects.len()).collect();
     assert_eq!(effects, [2, 0, 2]);
-    // The tutorial quotes the figures of axis x.
+    // The tutorial quotes the values of axis x.
     let page =
         std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/tutorial/real-log.md")).unwrap();
     let dph = |axis: &AxisCalibration| format!("{:.0}", axis.cross_validation().unwrap().sigma_dph);

@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use chrono::NaiveDate;
 use sagnac::verify::{
-    AxisVerification, BiasRepeatability, Estimate, Figures, Judged, Limits, PositionError, Proof, REPEATED_PROFILE,
-    ScaleFigures, ScaleProof, Verification, VerifyOptions, verify,
+    AxisVerification, BiasRepeatability, DriftValues, Estimate, Judged, Limits, PositionError, Proof, REPEATED_PROFILE,
+    ScaleProof, ScaleValues, Verification, VerifyOptions, verify,
 };
 use sagnac::{Error, Result};
 use sagnac_report::{Sheet, verification_report};
@@ -158,7 +158,7 @@ fn warn_of_same_log(console: &mut Console, verification: &Verification) {
 fn describe(console: &mut Console, verification: &Verification) {
     for axis in &verification.axes {
         console.say(format!("axis {}: {}", axis.axis, verdict(axis, verification)));
-        console.say(figures(axis, verification));
+        console.say(drift_values(axis, verification));
         if axis.about_common_mean {
             console.say("  each run covers little of the temperatures: figures are about the mean of all runs");
         }
@@ -239,7 +239,7 @@ fn bias_repeatability(repeatability: &BiasRepeatability) -> String {
 
 /// The scale factor over the plateaus, before and after.
 fn scale_factor(scale: &ScaleProof) -> String {
-    let row = |name: &str, f: &ScaleFigures| {
+    let row = |name: &str, f: &ScaleValues| {
         let cells = [f.mean_ppm, f.peak_to_peak_ppm, f.sigma_ppm].map(|v| significant(v, 3));
         [vec![name.to_owned()], cells.to_vec()].concat()
     };
@@ -279,8 +279,8 @@ fn unjudged_bias(axis: &AxisVerification) -> &'static str {
     if asked { " (the bias against the calibration is NOT judged)" } else { "" }
 }
 
-fn figures(axis: &AxisVerification, verification: &Verification) -> String {
-    let row = |name: &str, f: &Figures| {
+fn drift_values(axis: &AxisVerification, verification: &Verification) -> String {
+    let row = |name: &str, f: &DriftValues| {
         let cells = [f.min, f.max, f.mean, f.peak_to_peak, f.sigma].map(|v| format!("{v:.2}"));
         let precise = [f.min, f.max, f.mean, f.peak_to_peak, f.sigma].map(|v| significant(v, 5));
         let cells = if verification.unit == "deg/h" { precise } else { cells };

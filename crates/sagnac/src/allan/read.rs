@@ -32,7 +32,7 @@ pub struct Request {
 pub struct NoiseBudget {
     /// Axis by axis.
     pub axes: Vec<AxisBudget>,
-    /// Warnings about the figures.
+    /// Warnings about the values.
     pub warnings: Vec<String>,
     /// The drift over temperature was removed first.
     pub detrended: bool,
@@ -150,7 +150,7 @@ pub(crate) fn misfit_text(axis: &AxisBudget) -> Option<String> {
     ))
 }
 
-/// Disturbed rows that stay in the figures, in words.
+/// Disturbed rows that stay in the values, in words.
 fn disturbed_text(axis: &AxisBudget) -> Option<String> {
     let disturbed = axis.disturbed.as_ref().filter(|disturbed| !disturbed.excluded)?;
     let first = disturbed.first.first().map_or("", |row| row.at.as_str());

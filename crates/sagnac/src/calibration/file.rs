@@ -12,7 +12,7 @@ use crate::calibration::{Calibration, FORMAT, MINOR_VERSION, VERSION};
 const MOST_BYTES: u64 = 16 << 20;
 
 /// No quantity of a record is beyond this, in any unit: a drift of 10⁵ °/s in °/h is 4·10⁸, a variance its square. Larger numbers are
-/// damage, and what is computed from them is no figure.
+/// damage, and what is computed from them is no number.
 const MOST: f64 = 1e30;
 /// Fields that records of earlier programs have and that nothing reads any more.
 const RETIRED: [&str; 1] = ["bootstrap"];

@@ -1,6 +1,6 @@
-//! What differs between two records besides their figures: model, setup, data, program.
+//! What differs between two records besides their values: model, setup, data, program.
 //!
-//! A change of a figure means something else when the model or the setup changed with it, so that these are said first.
+//! A change of a value means something else when the model or the setup changed with it, so that these are said first.
 
 use std::collections::BTreeSet;
 

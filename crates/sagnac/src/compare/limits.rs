@@ -171,7 +171,7 @@ impl ComparedRecords<'_> {
     }
 
     /// Fixed biases of all records, where each knows its input rate.
-    fn of_bias(&self, figure: impl Fn(&[Bias]) -> ComparedValue) -> ComparedValue {
+    fn of_bias(&self, value: impl Fn(&[Bias]) -> ComparedValue) -> ComparedValue {
         let blind = self.axes.iter().position(|axis| axis.run_offsets.iter().any(|run| run.fixed_bias_dph.is_none()));
         if let Some(at) = blind {
             let name = self.names[at];
@@ -180,18 +180,16 @@ impl ComparedRecords<'_> {
             ));
         }
         let biases: Option<Vec<Bias>> = self.axes.iter().map(|axis| Bias::of(axis, self.reference_c)).collect();
-        biases.map_or_else(
-            || ComparedValue::Unknown("a record without a run offset".to_owned()),
-            |biases| figure(&biases),
-        )
+        biases
+            .map_or_else(|| ComparedValue::Unknown("a record without a run offset".to_owned()), |biases| value(&biases))
     }
 
     /// Scale factors, where every record was made on a rate table.
-    fn of_scale(&self, figure: impl Fn() -> ComparedValue) -> ComparedValue {
+    fn of_scale(&self, value: impl Fn() -> ComparedValue) -> ComparedValue {
         let turned = |axis: &AxisCalibration| axis.fit.as_ref().is_some_and(|fit| fit.scale_factor.is_some());
         match self.axes.iter().position(|axis| !turned(axis)) {
             Some(at) => ComparedValue::NotAsked(format!("{} was not made on a rate table", self.names[at])),
-            None => figure(),
+            None => value(),
         }
     }
 

@@ -187,7 +187,7 @@ fn quantities(results: &[UnitResult]) -> Vec<(String, (String, Vec<AxisValue<'_>
     let mut places: BTreeMap<String, usize> = BTreeMap::new();
     for unit in results {
         for axis in &unit.axes {
-            for (name, of, value) in figures(axis) {
+            for (name, of, value) in values_of(axis) {
                 let next = all.len();
                 let at = *places.entry(name.clone()).or_insert(next);
                 if at == next {
@@ -203,7 +203,7 @@ fn quantities(results: &[UnitResult]) -> Vec<(String, (String, Vec<AxisValue<'_>
 }
 
 /// Name, unit and value of what is watched of an axis.
-fn figures(axis: &AxisResult) -> Vec<(String, String, f64)> {
+fn values_of(axis: &AxisResult) -> Vec<(String, String, f64)> {
     let common = axis.common.iter().flat_map(|basis| {
         basis
             .terms

@@ -43,7 +43,7 @@ pub(super) fn write(results: &[UnitResult], path: &Path) -> Result<()> {
     })
 }
 
-/// What a table holds, without its figures.
+/// What a table holds, without its values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct TableSummary {

@@ -53,8 +53,8 @@ impl Estimated {
         Self { best, beside: [best; 2], degrees }
     }
 
-    /// By how much 1.96 standard errors of a figure are to be widened to a 95 % interval, because the noise is an estimate: Student's t
-    /// with degrees of freedom after Satterthwaite, as for the terms of a fit. `variance` is that of the figure.
+    /// By how much 1.96 standard errors of a value are to be widened to a 95 % interval, because the noise is an estimate: Student's t
+    /// with degrees of freedom after Satterthwaite, as for the terms of a fit. `variance` is that of the value.
     pub(crate) fn widening(&self, variance: impl Fn(RowNoise) -> f64) -> f64 {
         let [more, less] = self.beside.map(variance);
         let slope = if less > 0.0 { (more / less).ln() / (2.0 * SLOPE_STEP) } else { 0.0 };

@@ -22,7 +22,7 @@ const TEMPERATURES: usize = 12;
 /// Draws of the error: a probability of 0.95 is known to 0.005. The same for every candidate, so that they are compared alike.
 const DRAWS: usize = 2000;
 const SEED: u64 = 20_261_124;
-/// Quantile that is shown of each figure.
+/// Quantile that is shown of each value.
 const SHOWN: f64 = 0.95;
 
 /// Limits that a test decides.
@@ -93,16 +93,16 @@ impl Promise {
         let at_rest: f64 = (0..TEMPERATURES).map(|at| covariance[(at, at)]).sum();
         let sigma_dph = ((at_rest + on_ramps) / TEMPERATURES as f64).sqrt();
         let judged = judged(limits);
-        let (mut figures, mut good) = (vec![Vec::with_capacity(DRAWS); judged.len()], 0_usize);
+        let (mut values, mut good) = (vec![Vec::with_capacity(DRAWS); judged.len()], 0_usize);
         for draw in DRAWN.iter() {
-            let all = figures_of(&celsius, &(&root * DVector::from_column_slice(draw)), rate_cpm);
+            let all = values_of(&celsius, &(&root * DVector::from_column_slice(draw)), rate_cpm);
             let is_within = |(at, bound): &(usize, f64)| all[*at] <= share * bound;
             good += usize::from(judged.iter().all(is_within));
-            judged.iter().zip(&mut figures).for_each(|((at, _), of)| of.push(all[*at]));
+            judged.iter().zip(&mut values).for_each(|((at, _), drawn)| drawn.push(all[*at]));
         }
-        let expected = judged.iter().zip(figures).map(|((at, bound), mut of)| {
-            of.sort_by(f64::total_cmp);
-            let value_95 = of.get((SHOWN * DRAWS as f64) as usize).copied().unwrap_or(f64::NAN);
+        let expected = judged.iter().zip(values).map(|((at, bound), mut drawn)| {
+            drawn.sort_by(f64::total_cmp);
+            let value_95 = drawn.get((SHOWN * DRAWS as f64) as usize).copied().unwrap_or(f64::NAN);
             let given = limits.given();
             let unit = given.iter().find(|(spec, _)| spec.key == NAMES[*at]).map_or("", |(spec, _)| spec.unit);
             Expected { limit: NAMES[*at].to_owned(), bound: *bound, value_95, unit: unit.to_owned() }
@@ -113,7 +113,7 @@ impl Promise {
     }
 }
 
-fn figures_of(celsius: &[f64], error: &DVector<f64>, rate_cpm: f64) -> [f64; NAMES.len()] {
+fn values_of(celsius: &[f64], error: &DVector<f64>, rate_cpm: f64) -> [f64; NAMES.len()] {
     let n = TEMPERATURES as f64;
     let at_rest = &error.as_slice()[..TEMPERATURES];
     let mean = at_rest.iter().sum::<f64>() / n;

@@ -5,7 +5,7 @@
 //! ```
 //!
 //! Variances of greatest restricted likelihood over all plateaus together, or as the setup states them where these windows show no more.
-//! What is slower than a plateau is in its bias, and in none of the figures. A level for each rate keeps what the gyro does to different rates out of the noise; where a
+//! What is slower than a plateau is in its bias, and in none of the values. A level for each rate keeps what the gyro does to different rates out of the noise; where a
 //! table moves too freely for that, a straight line takes its place.
 //!
 //! Of many windows neighbours are averaged for that ([`crate::noise_model::likelihood`]): the noise is that of all plateaus.

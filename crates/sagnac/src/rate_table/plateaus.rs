@@ -16,7 +16,7 @@
 //! The uncertainty of each is that of a sum over the windows under their noise ([`super::plateau_noise`]): a rate that stays long is
 //! compared with others across the slow noise between them.
 //!
-//! These figures check the joint fit; they are not inputs of it.
+//! These values check the joint fit; they are not inputs of it.
 
 use crate::calibration::{Plateau, PpmEstimate, Repeatability};
 use crate::noise_model::processes::SlowNoise;

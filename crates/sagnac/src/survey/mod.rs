@@ -84,7 +84,7 @@ pub struct Survey {
     pub thermometers: Vec<ThermometerSurvey>,
     /// Hours over temperature and rate; null without time or temperature.
     pub coverage: Option<CoverageMap>,
-    /// Per axis: angle random walk of the rows, °/√h, and the limits of which the log has no figure.
+    /// Per axis: angle random walk of the rows, °/√h, and the limits of which the log has no value.
     pub axes: Vec<AxisSurvey>,
 }
 
@@ -98,7 +98,7 @@ pub struct AxisSurvey {
     pub arw_deg_rt_h: Option<f64>,
     /// Slope of the trial with its standard error, °/h per °C; null without a trial.
     pub slope_dph_per_c: Option<[f64; 2]>,
-    /// Limits of an acceptance that such a log has no figure for; null where the log is not good for a calibration.
+    /// Limits of an acceptance that such a log has no value for; null where the log is not good for a calibration.
     pub unanswered: Option<Vec<Unanswered>>,
 }
 
@@ -121,7 +121,7 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
         tried => tried.and_then(|calibration| covered(windows, setup, main).map(|()| calibration)),
     };
     let limits = match &tried {
-        Ok(calibration) => limits_without_figure(windows, setup, calibration)?,
+        Ok(calibration) => limits_without_value(windows, setup, calibration)?,
         Err(_) => Vec::new(),
     };
     let axis = |(at, letter): (usize, &char)| AxisSurvey {
@@ -226,7 +226,7 @@ fn thin_end(used: &[&WindowPoint]) -> Option<String> {
     })
 }
 
-fn limits_without_figure(
+fn limits_without_value(
     windows: &Windows,
     setup: &Setup,
     calibration: &Calibration,

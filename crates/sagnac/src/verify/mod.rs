@@ -1,11 +1,11 @@
 //! The proof: a retest log through the decoded image, before next to after.
 //!
 //! ```text
-//! retest ─▶ Replay (sagnac-core at the true tick) ─▶ windows of raw and corrected counts ─▶ Figures
+//! retest ─▶ Replay (sagnac-core at the true tick) ─▶ windows of raw and corrected counts ─▶ Values
 //! ```
 //!
 //! Both sides are summed over the same windows; which windows are left out is decided from the raw
-//! counts alone. `docs/explanation/verification.md` defines every figure.
+//! counts alone. `docs/explanation/verification.md` defines every value.
 
 mod flight;
 mod limits;
@@ -27,10 +27,10 @@ pub use replay::correction::Correction;
 pub use replay::options::VerifyOptions;
 pub use replay::tick_by_tick::{Corrected, Replay};
 pub use result::{AxisVerification, Coverage, REPEATED_PROFILE, RetestNoiseFloor, Verification};
-pub use values::before_after::{Figures, expected_range};
+pub use values::before_after::{DriftValues, expected_range};
 pub use values::diagnostics::{GapSteps, ResidualDiagnostics};
 pub use values::judged_windows::Estimate;
-pub use values::rate_table::{PlateauProof, ScaleFigures, ScaleProof};
+pub use values::rate_table::{PlateauProof, ScaleProof, ScaleValues};
 pub use values::repeatability::{BiasRepeatability, RunBias, TurnOns};
 pub use values::residual::{Plateaus, RandomWalk, RetestResidual};
 pub use values::suspects::Suspect;
@@ -46,7 +46,7 @@ use sagnac_log::setup::{PerAxis, Setup};
 /// counts is judged, unless the options exclude some.
 ///
 /// # Errors
-/// Logs that do not fit the correction, or too few windows for any figure.
+/// Logs that do not fit the correction, or too few windows for any value.
 pub fn verify<'a>(
     correction: &Correction,
     logs: impl Into<Logs<'a>>,
@@ -67,12 +67,12 @@ pub fn verify<'a>(
     let kept = options.excludes().then(|| whole.excluding(options, setup.discard_initial_s));
     let pair = kept.as_ref().unwrap_or(&whole);
     let against = Against { correction, setup: stated, sensor };
-    let (axes, report_data) = against.figures(&Retest {
+    let (axes, report_data) = against.values(&Retest {
         excluded_fraction: kept.as_ref().map(|kept| kept.excluded_fraction(&whole)),
         suspects_in: Some(&whole.raw),
         ..Retest::all(pair)
     })?;
-    let every_row = kept.as_ref().map(|_| against.figures(&Retest::all(&whole))).transpose()?;
+    let every_row = kept.as_ref().map(|_| against.values(&Retest::all(&whole))).transpose()?;
     let windows = &pair.raw;
     let verification = Verification {
         program: program(),
@@ -93,7 +93,7 @@ pub fn verify<'a>(
     };
     let several = pair.raw.runs.len() > 1 && !verification.axes.iter().any(|axis| axis.about_common_mean);
     let runs = if several { pair.raw.runs.len() } else { 0 };
-    // A run too short for figures of its own is judged with the others.
+    // A run too short for values of its own is judged with the others.
     let one = |run: usize| {
         let alone = pair.of_run(run);
         let of_run = Retest {
@@ -102,7 +102,7 @@ pub fn verify<'a>(
             excluded_fraction: kept.as_ref().map(|_| alone.excluded_fraction(&whole.of_run(run))),
             suspects_in: None,
         };
-        Some((pair.raw.runs[run].name(), against.figures(&of_run).ok()?.0))
+        Some((pair.raw.runs[run].name(), against.values(&of_run).ok()?.0))
     };
     let each_run = (0..runs).filter_map(one).collect();
     let record_window_s = correction.calibration.as_ref().map(|record| record.window_s);

@@ -9,7 +9,7 @@ use crate::calibration::{LogFile, PpmEstimate};
 use crate::verify::flight::position::PositionError;
 use crate::verify::limits::source::LimitsSource;
 use crate::verify::limits::verdict::Verdict;
-use crate::verify::values::before_after::Figures;
+use crate::verify::values::before_after::DriftValues;
 use crate::verify::values::diagnostics::ResidualDiagnostics;
 use crate::verify::values::rate_table::ScaleProof;
 use crate::verify::values::repeatability::BiasRepeatability;
@@ -26,9 +26,9 @@ use sagnac_units::format::celsius;
 pub struct RetestNoiseFloor {
     /// σ of the used windows from noise alone, °/h: root mean square of √(N²/τ + 2Q²/τ²) over their lengths τ.
     pub value_dph: f64,
-    /// The same in the unit of the figures.
+    /// The same in the unit of the values.
     pub value: f64,
-    /// Expected max − min of the largest run's n windows of white noise, in the unit of the figures.
+    /// Expected max − min of the largest run's n windows of white noise, in the unit of the values.
     pub expected_peak_to_peak: f64,
     /// That n.
     pub n: usize,
@@ -94,9 +94,9 @@ pub struct AxisVerification {
     /// Axis letter.
     pub axis: char,
     /// As logged.
-    pub before: Figures,
+    pub before: DriftValues,
     /// As corrected.
-    pub after: Figures,
+    pub after: DriftValues,
     /// Noise floor; null where neither the retest nor the calibration knows it.
     pub noise_floor: Option<RetestNoiseFloor>,
     /// max − min before over after; null where after is zero.
@@ -113,7 +113,7 @@ pub struct AxisVerification {
     /// It turned it about this axis.
     #[serde(default)]
     pub turned_about: bool,
-    /// What is left, figure by figure.
+    /// What is left, value by value.
     pub residual: RetestResidual,
     /// What a stated flight comes to; null without one, or where the retest does not tell it.
     pub flight: Option<PositionError>,
@@ -136,7 +136,7 @@ pub struct AxisVerification {
     pub scale_factor_difference: Option<PpmEstimate>,
     /// The calibration has a scale factor of its own, from a rate table.
     pub scale_factor_calibrated: bool,
-    /// Each run covers so little of the temperatures that its own mean would hold the drift: the figures are about the mean of all
+    /// Each run covers so little of the temperatures that its own mean would hold the drift: the values are about the mean of all
     /// runs.
     pub about_common_mean: bool,
     /// Part of the time of the runs of which no row is usable, 0 to 1: flagged, missing, unreadable.
@@ -172,7 +172,7 @@ pub struct Verification {
     /// What it was tested on, as the setup says.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rig: Option<String>,
-    /// Unit of the figures: `counts per window` or `deg/h`.
+    /// Unit of the values: `counts per window` or `deg/h`.
     pub unit: String,
     /// Length to which windows are scaled, s.
     pub window_s: f64,

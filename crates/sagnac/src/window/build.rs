@@ -447,7 +447,7 @@ impl WindowBuilder {
         (self.finish(), status)
     }
 
-    /// Every window that has counts. Only those in which a table changed its rate, and fragments too short for figures of their
+    /// Every window that has counts. Only those in which a table changed its rate, and fragments too short for values of their
     /// own, are marked.
     pub(crate) fn finish_whole(mut self) -> Windows {
         self.keep_outliers = true;

@@ -92,7 +92,7 @@ pub(crate) fn compared(units: Records) -> Outcome {
         let by_full = calibrated(full(seed + 2), None).unwrap();
         let retest = full(seed + 3);
         let met = [&by_plan, &by_full].map(|made| accepted(made, retest.clone(), &limits));
-        let (is_within_half, held) = figures(&by_plan, gyro, &limits);
+        let (is_within_half, held) = values(&by_plan, gyro, &limits);
         Some(Tested { met, is_within_half, held })
     };
     let odd = |parameter: usize| {
@@ -134,7 +134,7 @@ fn accepted(made: &Calibration, log: Rows<3>, limits: &Limits) -> bool {
 }
 
 /// True where the correction's own error is within half of the limits on curve and rate; the part of its intervals that hold.
-fn figures(made: &Calibration, gyro: Gyro, limits: &Limits) -> (bool, f64) {
+fn values(made: &Calibration, gyro: Gyro, limits: &Limits) -> (bool, f64) {
     let axis = &made.axes[0];
     let celsius: Vec<f64> = (0..12).map(|at| -40.0 + 10.0 * f64::from(at)).collect();
     let from = gyro.curve(axis.reference_c());

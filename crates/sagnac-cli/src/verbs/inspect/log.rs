@@ -209,7 +209,7 @@ fn thermometers_table(all: &[ThermometerSurvey]) -> String {
     table(&["thermometer", "min, °C", "max, °C", "noise, °C", "resolution, °C", "reading every, s"], rows)
 }
 
-/// Limits of an acceptance for which the log has no figure; axes that lack the same share a line.
+/// Limits of an acceptance for which the log has no value; axes that lack the same share a line.
 fn missing(axes: &[AxisSurvey], console: &mut Console) {
     let mut said: Vec<(String, Vec<String>)> = Vec::new();
     for axis in axes {

@@ -158,7 +158,7 @@ impl Recorder {
     fn sources(&self) -> Vec<Curve> {
         let all = ERROR_SOURCES.iter().zip(&self.columns[FIXED..]);
         all.filter_map(|(name, values)| {
-            let (mean, sigma, _) = figures(values);
+            let (mean, sigma, _) = statistics(values);
             let centred: Vec<f64> = values.iter().map(|v| v - mean).collect();
             (sigma > 0.0).then(|| self.curve(&name.replace('_', " "), &centred))
         })
@@ -168,7 +168,7 @@ impl Recorder {
     fn budget(&self) -> PageTable {
         let columns = ["source", "mean, °/h", "σ over the test, °/h", "max − min, °/h"].map(str::to_owned);
         let rows = ERROR_SOURCES.iter().zip(&self.columns[FIXED..]).map(|(name, values)| {
-            let (mean, sigma, span) = figures(values);
+            let (mean, sigma, span) = statistics(values);
             let mut row = vec![name.replace('_', " ")];
             row.extend(
                 [mean, sigma, span].map(|value| if value == 0.0 { "0".to_owned() } else { significant(value, 3) }),
@@ -185,7 +185,7 @@ impl Recorder {
 }
 
 /// Mean, σ and max − min.
-fn figures(values: &[f64]) -> (f64, f64, f64) {
+fn statistics(values: &[f64]) -> (f64, f64, f64) {
     let n = values.len().max(1) as f64;
     let mean = values.iter().sum::<f64>() / n;
     let [lo, hi] = values.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], v| [lo.min(*v), hi.max(*v)]);

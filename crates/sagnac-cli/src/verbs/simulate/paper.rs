@@ -1,7 +1,7 @@
 //! `sagnac simulate --paper`: repeats the experiment of the source paper.
 //!
 //! One simulated run of the paper's rig is calibrated, exported, and a second run is replayed through
-//! the decoded image at 100 µs. The output shows the paper's figures next to ours.
+//! the decoded image at 100 µs. The output shows the paper's values next to ours.
 
 use std::io::Cursor;
 
@@ -85,11 +85,11 @@ pub(super) fn run(seed: u64, report: &ReportArgs, console: &mut Console) -> Ran 
 
 fn describe(console: &mut Console, proof: &Verification) -> Result<()> {
     let axis = proof.axes.first().ok_or_else(|| Error::input("no axis"))?;
-    let paper = |name: &str, figures: [f64; 4]| {
-        let cells = figures.map(|v| format!("{v:.2}"));
+    let paper = |name: &str, values: [f64; 4]| {
+        let cells = values.map(|v| format!("{v:.2}"));
         [vec![name.to_owned(), "not given".to_owned()], cells.to_vec(), vec![String::new()]].concat()
     };
-    let ours = |name: &str, f: &sagnac::verify::Figures| {
+    let ours = |name: &str, f: &sagnac::verify::DriftValues| {
         let cells = [f.min, f.max, f.mean, f.peak_to_peak, f.sigma].map(|v| format!("{v:.2}"));
         [vec![name.to_owned(), f.n.to_string()], cells.to_vec()].concat()
     };

@@ -67,7 +67,7 @@ fn over(priors: &[Vec<f64>]) -> Vec<[f64; 2]> {
 fn mean_and_scatter_are_the_units_own() {
     let mut draws = Draws(1);
     let priors: Vec<Prior> = (0..400).map(|_| Prior::learned(&fleet(&mut draws, 60, &[0.0]), None).unwrap()).collect();
-    let of = |figures: fn(&Population) -> Vec<f64>| over(&priors.iter().map(|p| figures(&p.fleet)).collect::<Vec<_>>());
+    let of = |values: fn(&Population) -> Vec<f64>| over(&priors.iter().map(|p| values(&p.fleet)).collect::<Vec<_>>());
     for (got, wanted) in of(|fleet| fleet.mean.clone()).iter().zip(MEAN) {
         assert!((got[0] - wanted).abs() < 4.0 * got[1], "{got:?} for {wanted}");
     }

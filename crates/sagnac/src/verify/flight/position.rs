@@ -312,7 +312,7 @@ impl Flight {
     }
 }
 
-/// The largest of some figures from zero on, and NaN if one is: `f64::max` would pass over it, and a limit would be met by what is not
+/// The largest of some values from zero on, and NaN if one is: `f64::max` would pass over it, and a limit would be met by what is not
 /// known.
 fn largest(values: impl Iterator<Item = f64>) -> f64 {
     values.fold(0.0, |most, value| if value.is_nan() || value > most { value } else { most })
@@ -383,7 +383,7 @@ mod tests {
     use crate::verify::RunBias;
     use crate::verify::tests::noise;
 
-    /// A figure that is not known is not the smallest.
+    /// A value that is not known is not the smallest.
     #[test]
     fn the_largest_of_what_is_not_known_is_not_known() {
         assert_eq!(largest([1.0, 3.0, 2.0].into_iter()), 3.0);

@@ -115,7 +115,7 @@ impl Limits {
         SPECS.iter().filter_map(|spec| Some((spec, (spec.stated)(self)?))).collect()
     }
 
-    /// Judges a run alone by the limits that each run must meet and has a figure for.
+    /// Judges a run alone by the limits that each run must meet and has a value for.
     pub(crate) fn judge_run(&self, axis: &AxisVerification) -> Vec<Verdict> {
         let rule = self.decision.unwrap_or_default();
         let of_run = self.asked_of(axis).filter(|(spec, _)| spec.is_of_each_run());

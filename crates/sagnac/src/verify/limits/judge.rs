@@ -1,7 +1,7 @@
 //! A verification judged by limits: all runs together, each run alone, and what was excluded on request next to it.
 //!
 //! ```text
-//! figures of all runs ─▶ verdicts ◀─ the worse of each run alone (limits of the form *at most*)
+//! values of all runs ─▶ verdicts ◀─ the worse of each run alone (limits of the form *at most*)
 //! ```
 //!
 //! Refused where no limit can be asked of an axis, and in windows of another length than the calibration's.
@@ -21,7 +21,7 @@ pub struct Proof {
     pub verification: Verification,
     /// The windows behind it, for a report.
     pub report_data: ReportData,
-    /// Figures of every window, where some were excluded on request.
+    /// Values of every window, where some were excluded on request.
     pub(crate) every_row: Option<(Vec<AxisVerification>, ReportData)>,
     /// Each run alone, where there are several: a good run does not make up for a bad one.
     pub(crate) each_run: Vec<(String, Vec<AxisVerification>)>,

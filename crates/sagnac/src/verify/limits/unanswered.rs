@@ -1,7 +1,7 @@
 //! What a log could not show if it were a retest: every limit, asked of the log next to itself.
 //!
-//! The figures are those of a verification whose corrected side is the raw side. Their values say nothing of a correction and are dropped;
-//! whether a figure can be had, and why not, is the same for every correction.
+//! The values are those of a verification whose corrected side is the raw side. Their sizes say nothing of a correction and are dropped;
+//! whether a value can be had, and why not, is the same for every correction.
 
 use sagnac_core::Status;
 
@@ -15,7 +15,7 @@ use sagnac_log::error::Result;
 use sagnac_log::setup::Setup;
 use serde::Serialize;
 
-/// Limits that a log has no figure for, with the reason that they share.
+/// Limits that a log has no value for, with the reason that they share.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[non_exhaustive]
 pub struct Unanswered {
@@ -25,10 +25,10 @@ pub struct Unanswered {
     pub limits: Vec<&'static str>,
 }
 
-/// Per axis, the limits of which windows of a log have no figure against this correction.
+/// Per axis, the limits of which windows of a log have no value against this correction.
 ///
 /// # Errors
-/// Too few windows for any figure.
+/// Too few windows for any value.
 pub fn unanswered(windows: &Windows, correction: &Correction, setup: &Setup) -> Result<Vec<(char, Vec<Unanswered>)>> {
     let mut pair = PairedWindows {
         raw: windows.clone(),
@@ -38,7 +38,7 @@ pub fn unanswered(windows: &Windows, correction: &Correction, setup: &Setup) -> 
     pair.leave_out_unknown(setup)?;
     let name = correction.calibration.as_ref().and_then(|calibration| calibration.thermometer_name());
     let sensor = name.and_then(|name| windows.shape.thermometers.iter().position(|other| other == name));
-    let (axes, _) = Against { correction, setup, sensor }.figures(&Retest::all(&pair))?;
+    let (axes, _) = Against { correction, setup, sensor }.values(&Retest::all(&pair))?;
     Ok(axes.iter().map(|axis| (axis.axis, of_axis(axis))).collect())
 }
 

@@ -1,4 +1,4 @@
-//! A figure held against its limit: met, not met, not decided, not asked.
+//! A value held against its limit: met, not met, not decided, not asked.
 //!
 //! ```text
 //! guarded    met: value + 1.645σ within the limit · not met: value − 1.645σ beyond it · else not decided

@@ -1,13 +1,13 @@
-//! Figures of a set of windows.
+//! Values of a set of windows.
 
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ContinuousCDF, Normal};
 
-/// Figures of one axis over the used windows, in the unit that the verification names.
+/// Values of one axis over the used windows, in the unit that the verification names.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
-pub struct Figures {
+pub struct DriftValues {
     /// Windows.
     pub n: usize,
     /// Lowest window.
@@ -24,8 +24,8 @@ pub struct Figures {
     pub sigma_dph: f64,
 }
 
-impl Figures {
-    /// °/h per unit of the figures; 0 where nothing scatters.
+impl DriftValues {
+    /// °/h per unit of the values; 0 where nothing scatters.
     pub fn dph_per_unit(&self) -> f64 {
         if self.sigma > 0.0 { self.sigma_dph / self.sigma } else { 0.0 }
     }
@@ -57,7 +57,7 @@ impl Figures {
     }
 }
 
-/// A window of a figure.
+/// A window of a value.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Weighted {
     pub(crate) run: u32,
@@ -106,15 +106,13 @@ mod tests {
     fn sigma_is_pooled_about_each_runs_mean() {
         let window = |(run, value)| Weighted { run, value, weight: 1.0 };
         let values = [(0, 1.0), (0, 3.0), (1, 10.0), (1, 14.0)].map(window);
-        let figures = Figures::of(&values, 2.0).unwrap();
-        assert_eq!((figures.peak_to_peak, figures.mean, figures.n), (4.0, 7.0, 4));
-        assert!(
-            (figures.sigma - 5.0_f64.sqrt()).abs() < 1e-15 && (figures.sigma_dph - 2.0 * figures.sigma).abs() < 1e-15
-        );
-        assert!(Figures::of(&values[..1], 1.0).is_none());
+        let drift = DriftValues::of(&values, 2.0).unwrap();
+        assert_eq!((drift.peak_to_peak, drift.mean, drift.n), (4.0, 7.0, 4));
+        assert!((drift.sigma - 5.0_f64.sqrt()).abs() < 1e-15 && (drift.sigma_dph - 2.0 * drift.sigma).abs() < 1e-15);
+        assert!(DriftValues::of(&values[..1], 1.0).is_none());
         // A quarter of the length: twice the noise, so half of the distance counts.
         let short = [Weighted { weight: 0.25, ..window((0, 5.0)) }, window((0, 0.0))];
-        let figures = Figures::of(&short, 1.0).unwrap();
-        assert_eq!((figures.mean, figures.peak_to_peak), (1.0, 3.0));
+        let drift = DriftValues::of(&short, 1.0).unwrap();
+        assert_eq!((drift.mean, drift.peak_to_peak), (1.0, 3.0));
     }
 }

@@ -73,7 +73,7 @@ impl ResidualDiagnostics {
     }
 }
 
-/// From the points of an axis. σ of the figures, which counts a short window by its length, and the floor in °/h.
+/// From the points of an axis. σ of the values, which counts a short window by its length, and the floor in °/h.
 pub(crate) fn residual_diagnostics(
     points: &[WindowPoint],
     noise: &RetestNoise,

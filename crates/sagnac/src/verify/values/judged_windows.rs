@@ -31,7 +31,7 @@ pub struct Estimate {
     pub sigma: f64,
 }
 
-/// The windows that figures are of.
+/// The windows that values are of.
 pub(crate) fn judged(points: &[WindowPoint]) -> Vec<&WindowPoint> {
     points.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect()
 }

@@ -2,10 +2,10 @@
 //!
 //! ```text
 //! r = level + series in T + q·Ṫ + n                 of each run, the series of the residual over temperature; n white and slow noise by restricted likelihood (`noise_model::blocks`)
-//! a figure Σ aᵢ·rᵢ has the variance aᵀVa            a about its mean within each run, as r is; V the covariance of n
+//! a value Σ aᵢ·rᵢ has the variance aᵀVa             a about its mean within each run, as r is; V the covariance of n
 //! ```
 //!
-//! From the retest alone, as its figures are. Where few windows tell no slow noise, they count as white, widened by
+//! From the retest alone, as its values are. Where few windows tell no slow noise, they count as white, widened by
 //! (1 + ρ)/(1 − ρ) for neighbours that correlate with ρ.
 //!
 //! Fails where a drift that no column has is as slow as the noise: it counts as noise, and intervals are wider than they need to be.
@@ -64,7 +64,7 @@ impl RetestNoise {
         Self { rows: rows(used), noise, about_common_mean }
     }
 
-    /// Covariance of figures, each the sum of the windows with the parts of a column, (°/h)²; and by how much standard errors from it are
+    /// Covariance of values, each the sum of the windows with the parts of a column, (°/h)²; and by how much standard errors from it are
     /// to be widened, because the noise is an estimate itself. `whole` makes the variance of one number of the covariance.
     pub(crate) fn covariance(&self, parts: &DMatrix<f64>, whole: impl Fn(&DMatrix<f64>) -> f64) -> (DMatrix<f64>, f64) {
         let mut about = parts.clone();
@@ -81,7 +81,7 @@ impl RetestNoise {
         (self.noise.best.between(&self.rows, &about), widening)
     }
 
-    /// Standard error of one such figure, °/h, of which 1.96 are a 95 % interval.
+    /// Standard error of one such value, °/h, of which 1.96 are a 95 % interval.
     pub(crate) fn sigma_dph(&self, parts: &[f64]) -> f64 {
         let parts = DMatrix::from_column_slice(parts.len(), 1, parts);
         let (variance, widening) = self.covariance(&parts, |variance| variance[(0, 0)]);

@@ -1,4 +1,4 @@
-//! Figures of a retest: every axis over the used windows, before and after, next to the floor and the calibration.
+//! Values of a retest: every axis over the used windows, before and after, next to the floor and the calibration.
 //!
 //! ```text
 //! σ² = Σ w·(v − m)²/(n − runs)      v a window's value, w its length over the nominal one (at most 1), m its run's mean
@@ -21,7 +21,7 @@ use crate::noise_model::stated::noise_of;
 use crate::verify::replay::correction::Correction;
 use crate::verify::replay::paired::PairedWindows;
 use crate::verify::result::{AxisVerification, Coverage, RetestNoiseFloor};
-use crate::verify::values::before_after::{Figures, Weighted, expected_range};
+use crate::verify::values::before_after::{DriftValues, Weighted, expected_range};
 use crate::verify::values::diagnostics::residual_diagnostics;
 use crate::verify::values::judged_windows;
 use crate::verify::values::noise::RetestNoise;
@@ -87,21 +87,21 @@ impl<'a> PreparedWindows<'a> {
         Ok(Self { retest, used, drifts, about_common_mean, report_data })
     }
 
-    /// °/h per unit of the figures.
+    /// °/h per unit of the values.
     fn dph_per_unit(&self) -> f64 {
         let windows = &self.retest.pair.raw;
         windows.shape.unit.arcsec() / unit_of(windows).0
     }
 
-    /// Figures of an axis before and after.
-    fn before_after(&self, axis: usize) -> Result<(Figures, Figures)> {
+    /// Values of an axis before and after.
+    fn before_after(&self, axis: usize) -> Result<(DriftValues, DriftValues)> {
         let Self { retest, used, drifts, about_common_mean, .. } = self;
         let windows = &retest.pair.raw;
         let (scale, dph_per_unit) = (unit_of(windows).0, self.dph_per_unit());
         let run_of = |i: usize| if *about_common_mean { 0 } else { windows.rows.run[i] };
-        let figures = |side: &Windows, drift: &Drifts<'_>| {
+        let values_of = |side: &Windows, drift: &Drifts<'_>| {
             let angle = &side.rows.angle[axis];
-            // What the table turned, in the unit of the figures; exactly nothing without one.
+            // What the table turned, in the unit of the values; exactly nothing without one.
             let turned = |i: usize| (side.rate_dph(axis, i) - drift.rate_dph(axis, i)) / dph_per_unit;
             let value = |i: usize| angle[i] * scale / windows.duration_s(i) - turned(i);
             let weighted = |i: usize| Weighted { run: run_of(i), value: value(i), weight: weight(windows, i) };
@@ -111,9 +111,9 @@ impl<'a> PreparedWindows<'a> {
                 Some(reason) => reason == Reason::ShortWindow && !drifts.is_turned(),
             };
             let values: Vec<Weighted> = (0..windows.len()).filter(is_judged).map(weighted).collect();
-            Figures::of(&values, dph_per_unit).ok_or_else(|| too_few(used))
+            DriftValues::of(&values, dph_per_unit).ok_or_else(|| too_few(used))
         };
-        Ok((figures(windows, &drifts.raw)?, figures(&retest.pair.corrected, &drifts.corrected)?))
+        Ok((values_of(windows, &drifts.raw)?, values_of(&retest.pair.corrected, &drifts.corrected)?))
     }
 
     /// N before and after. Of every window: a noise that comes and goes is the unit's. Turned, a counter's quantization is a saw that the
@@ -140,7 +140,7 @@ fn too_few(used: &[usize]) -> Error {
 }
 
 impl Against<'_> {
-    fn axis_figures(&self, prepared: &PreparedWindows<'_>, axis: usize) -> Result<AxisVerification> {
+    fn axis_values(&self, prepared: &PreparedWindows<'_>, axis: usize) -> Result<AxisVerification> {
         let PreparedWindows { retest, used, drifts, about_common_mean, report_data } = prepared;
         let windows = &retest.pair.raw;
         let letter = windows.shape.axes[axis];
@@ -187,10 +187,10 @@ impl Against<'_> {
         })
     }
 
-    /// Figures of every axis over the used windows, and the points behind them.
-    pub(crate) fn figures(&self, retest: &Retest<'_>) -> Result<(Vec<AxisVerification>, ReportData)> {
+    /// Values of every axis over the used windows, and the points behind them.
+    pub(crate) fn values(&self, retest: &Retest<'_>) -> Result<(Vec<AxisVerification>, ReportData)> {
         let prepared = PreparedWindows::of(retest, self.setup, self.sensor)?;
-        let axes = (0..retest.pair.raw.shape.axes.len()).map(|axis| self.axis_figures(&prepared, axis));
+        let axes = (0..retest.pair.raw.shape.axes.len()).map(|axis| self.axis_values(&prepared, axis));
         Ok((axes.collect::<Result<_>>()?, prepared.report_data))
     }
 
@@ -233,7 +233,7 @@ impl AxisVerification {
     pub(crate) fn sigma_beyond_floor(&self) -> Option<(f64, Option<f64>)> {
         let floor_dph = self.noise_floor.as_ref()?.value_dph;
         let square = self.after.sigma_dph.powi(2);
-        // `clamp` keeps what is no number, where `max` would make it a figure.
+        // `clamp` keeps what is no number, where `max` would make it a value.
         let value = (square - floor_dph * floor_dph).clamp(0.0, f64::INFINITY).sqrt();
         let sigma_of_square = 2.0 * square * self.relative_sigma_of_spread();
         Some((value, Some(sigma_of_square / (2.0 * value).max(sigma_of_square.sqrt()))))
@@ -294,7 +294,7 @@ fn report_data(
     ReportData { timed: windows.shape.timed, axes, runs }
 }
 
-/// Figures per unit of angle × nominal/duration: counts per window, or °/h.
+/// Values per unit of angle × nominal/duration: counts per window, or °/h.
 pub(crate) fn unit_of(windows: &Windows) -> (f64, &'static str) {
     match windows.shape.unit {
         AngleUnit::Quanta { quantum, .. } => (quantum * windows.shape.nominal_s, "counts per window"),
@@ -335,7 +335,7 @@ fn noise_floor(
         (own, _) => own,
     };
     let (terms, source) = own.or_else(earlier)?;
-    // As in the figures, a shorter window counts by its length.
+    // As in the values, a shorter window counts by its length.
     let square = |i: &usize| terms.floor_dph(windows.duration_s(*i)).powi(2) * weight(windows, *i);
     let mean_square = used.iter().map(square).sum::<f64>() / used.len() as f64;
     let count = |run: usize| used.iter().filter(|i| windows.rows.run[**i] as usize == run).count();

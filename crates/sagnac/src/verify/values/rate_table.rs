@@ -25,7 +25,7 @@ use sagnac_log::setup::Setup;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
-pub struct ScaleFigures {
+pub struct ScaleValues {
     /// Mean over the plateaus.
     pub mean_ppm: f64,
     /// σ over the plateaus, about that mean.
@@ -57,9 +57,9 @@ pub struct PlateauProof {
 #[non_exhaustive]
 pub struct ScaleProof {
     /// As logged.
-    pub before: ScaleFigures,
+    pub before: ScaleValues,
     /// As corrected.
-    pub after: ScaleFigures,
+    pub after: ScaleValues,
     /// σ over the plateaus that the windows' own scatter makes, ppm.
     pub of_noise_ppm: f64,
     /// The largest stretch of the retest's temperatures without a plateau, as a part of them: above 0.38 no limit of the scale factor
@@ -94,19 +94,19 @@ impl ScaleProof {
     }
 }
 
-/// A standard error above this multiple of the least one is that of a poorly known figure.
+/// A standard error above this multiple of the least one is that of a poorly known value.
 const POORLY_KNOWN: f64 = 2.0;
-/// Standard errors that a poorly known figure is discounted by: of a hundred without any effect, one in a thousand tests shows that much.
+/// Standard errors that a poorly known value is discounted by: of a hundred without any effect, one in a thousand tests shows that much.
 const DISCOUNT: f64 = 4.5;
 
-/// The largest of several figures. One that is poorly known, as of few windows in a ramp, counts only as far as it stands out of its noise: the
+/// The largest of several values. One that is poorly known, as of few windows in a ramp, counts only as far as it stands out of its noise: the
 /// largest of many such ones says how uncertain they are, and no longer test would change that.
-pub(crate) fn worst_known(figures: impl Iterator<Item = PpmEstimate>) -> Option<PpmEstimate> {
-    let all: Vec<PpmEstimate> = figures.collect();
-    let least = all.iter().map(|figure| figure.sigma_ppm).fold(f64::INFINITY, f64::min);
-    let size = |figure: &PpmEstimate| {
-        let discount = if figure.sigma_ppm > POORLY_KNOWN * least { DISCOUNT * figure.sigma_ppm } else { 0.0 };
-        figure.ppm.abs() - discount
+pub(crate) fn worst_known(values: impl Iterator<Item = PpmEstimate>) -> Option<PpmEstimate> {
+    let all: Vec<PpmEstimate> = values.collect();
+    let least = all.iter().map(|value| value.sigma_ppm).fold(f64::INFINITY, f64::min);
+    let size = |value: &PpmEstimate| {
+        let discount = if value.sigma_ppm > POORLY_KNOWN * least { DISCOUNT * value.sigma_ppm } else { 0.0 };
+        value.ppm.abs() - discount
     };
     all.into_iter().max_by(|a, b| size(a).total_cmp(&size(b)))
 }
@@ -172,8 +172,8 @@ impl<'a> PairedDrifts<'a> {
             .collect();
         let noise = plateaus.iter().map(|p| p.after.sigma_ppm.powi(2)).sum::<f64>() / plateaus.len() as f64;
         Some(ScaleProof {
-            before: figures(plateaus.iter().map(|p| p.before.ppm)),
-            after: figures(plateaus.iter().map(|p| p.after.ppm)),
+            before: scale_values(plateaus.iter().map(|p| p.before.ppm)),
+            after: scale_values(plateaus.iter().map(|p| p.after.ppm)),
             of_noise_ppm: noise.sqrt(),
             unvisited_fraction: unvisited(
                 used.iter().map(|i| self.raw.windows.rows.mean_c[sensor][*i]),
@@ -269,13 +269,13 @@ fn unvisited(temperatures_c: impl Iterator<Item = f64>, plateaus_c: impl Iterato
     if hi - lo > ONE_TEMPERATURE_C { most / (hi - lo) } else { 0.0 }
 }
 
-fn figures(values: impl Iterator<Item = f64>) -> ScaleFigures {
+fn scale_values(values: impl Iterator<Item = f64>) -> ScaleValues {
     let all: Vec<f64> = values.collect();
     let n = all.len() as f64;
     let mean_ppm = all.iter().sum::<f64>() / n;
     let sigma_ppm = (all.iter().map(|v| (v - mean_ppm).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt();
     let (lo, hi) = all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (v.min(lo), v.max(hi)));
-    ScaleFigures { mean_ppm, sigma_ppm, peak_to_peak_ppm: hi - lo }
+    ScaleValues { mean_ppm, sigma_ppm, peak_to_peak_ppm: hi - lo }
 }
 
 #[cfg(test)]
@@ -283,9 +283,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_poorly_known_figure_counts_where_it_stands_out() {
-        let figure = |(ppm, sigma_ppm)| PpmEstimate { ppm, sigma_ppm };
-        let worst = |all: &[(f64, f64)]| worst_known(all.iter().copied().map(figure)).unwrap().ppm;
+    fn a_poorly_known_value_counts_where_it_stands_out() {
+        let value = |(ppm, sigma_ppm)| PpmEstimate { ppm, sigma_ppm };
+        let worst = |all: &[(f64, f64)]| worst_known(all.iter().copied().map(value)).unwrap().ppm;
         // Soaks, and a few windows of a ramp.
         assert_eq!(worst(&[(0.3, 0.2), (-0.5, 0.3), (7.9, 3.7), (-9.0, 3.9)]), -0.5);
         assert_eq!(worst(&[(0.3, 0.2), (-0.5, 0.3), (30.0, 3.7)]), 30.0);

@@ -1,4 +1,4 @@
-//! What the corrected windows of a proof come to, figure by figure, for limits to be held against.
+//! What the corrected windows of a proof come to, value by value, for limits to be held against.
 //!
 //! ```text
 //! plateau             steady windows (|Ṫ| ≤ 0.05 °C/min) within ±1 °C: σ about their own mean, and that mean about the run's
@@ -27,7 +27,7 @@ use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};
 
 /// Fewer windows are no plateau.
 const FEWEST: usize = 5;
-/// Fewer windows of a leg tell no figure.
+/// Fewer windows of a leg tell no value.
 const FEWEST_OF_LEG: usize = 10;
 /// Fewer windows of ramps, or of soaks, are not compared.
 const FEWEST_OF_SOAKS: f64 = 20.0;
@@ -68,7 +68,7 @@ pub struct RandomWalk {
     pub after_deg_rt_h: f64,
 }
 
-/// Figures of what is left.
+/// Values of what is left.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
@@ -118,18 +118,18 @@ fn plateaus(used: &[&WindowPoint]) -> Option<Plateaus> {
     let stretches = level_stretches(steady.iter().map(|p| (p.run, p.temperature_c)));
     let mut all: Vec<&[&WindowPoint]> = stretches.into_iter().map(|stretch| &steady[stretch]).collect();
     all.retain(|plateau| plateau.len() >= FEWEST);
-    let figures = |plateau: &&[&WindowPoint]| {
+    let values_of = |plateau: &&[&WindowPoint]| {
         let (n, centre) = (plateau.len() as f64, mean(plateau, |p| p.after_dph));
         let squares: f64 = plateau.iter().map(|p| (p.after_dph - centre).powi(2)).sum();
         let sigma = (squares / (n - 1.0)).sqrt();
         // By its own scatter: slow noise lifts the largest of several distances as it is.
         (sigma, Estimate { value: centre, sigma: sigma / n.sqrt() }, mean(plateau, |p| p.temperature_c), n)
     };
-    let figures: Vec<_> = all.iter().map(figures).collect();
-    let loudest = figures.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
-    let worst = figures.iter().max_by(|a, b| a.1.value.abs().total_cmp(&b.1.value.abs()))?;
+    let values: Vec<_> = all.iter().map(values_of).collect();
+    let loudest = values.iter().max_by(|a, b| a.0.total_cmp(&b.0))?;
+    let worst = values.iter().max_by(|a, b| a.1.value.abs().total_cmp(&b.1.value.abs()))?;
     Some(Plateaus {
-        plateaus: figures.len(),
+        plateaus: values.len(),
         worst_sigma_dph: loudest.0,
         worst_relative_sigma: (2.0 * (loudest.3 - 1.0)).sqrt().recip(),
         worst_offset_dph: worst.1,

@@ -109,7 +109,7 @@ fn a_unit_off_its_calibration_is_refused() {
         });
         evidence(claim, refused, "≥ 1", 60);
     }
-    // Another input rate in the retest is a bias that nobody sees in the figures, so that it is said.
+    // Another input rate in the retest is a bias that nobody sees in the values, so that it is said.
     let correction = Correction::from_calibration(unit.clone()).unwrap();
     for (input_dph, said) in
         [(4.5, "input rate 4.5000 °/h"), (4.2, "input rate 4.5000 °/h in the calibration, 4.2000 °/h in the retest")]
@@ -407,7 +407,7 @@ fn the_noise_floor_is_unbiased() {
 }
 
 /// A good run does not make up for a bad one: every fault that is refused alone is refused among good runs, and faults of opposite
-/// signs do not cancel. Found by an adversary: all of these were accepted while figures were pooled.
+/// signs do not cancel. Found by an adversary: all of these were accepted while values were pooled.
 #[test]
 fn each_run_is_judged_alone() {
     let (unit, limits) = (calibrated(), navigation());

@@ -1,5 +1,5 @@
-//! Do the 95 % intervals of a retest's own figures hold: slopes, hysteresis, the residual over temperature, under white and slow noise? By a
-//! generator that shares no code with the program. The truth of a figure is that of the same drift without noise.
+//! Do the 95 % intervals of a retest's own values hold: slopes, hysteresis, the residual over temperature, under white and slow noise? By a
+//! generator that shares no code with the program. The truth of a value is that of the same drift without noise.
 
 use crate::hostile;
 
@@ -24,11 +24,11 @@ fn retest(unit: &Correction, setup: &Setup, log: Rows<3>) -> AxisVerification {
     proof.verification.axes[0].clone()
 }
 
-const FIGURES: [&str; 5] =
+const VALUES: [&str; 5] =
     ["slope over temperature", "slope over its rate", "hysteresis", "ramps less soaks", "residual over temperature"];
 
-/// In the order of [`FIGURES`].
-fn figures(axis: &AxisVerification) -> [Estimate; 5] {
+/// In the order of [`VALUES`].
+fn values(axis: &AxisVerification) -> [Estimate; 5] {
     let residual = &axis.residual;
     [
         residual.temperature_slope,
@@ -40,17 +40,17 @@ fn figures(axis: &AxisVerification) -> [Estimate; 5] {
     .map(Option::unwrap)
 }
 
-/// Part of the records in which each figure's interval holds its truth.
+/// Part of the records in which each value's interval holds its truth.
 fn covered(setup: &Setup, records: Records, change: fn(&mut Bench<'_>)) -> [f64; 5] {
     let unit = fit(vec![Bench::new(1, &hostile::none).log()], setup, "bias 0").unwrap();
     let unit = Correction::from_calibration(unit).unwrap();
     let mut silent = Bench::new(2, &put_in);
     silent.n_deg_rt_h = 1e-5;
-    let truth = figures(&retest(&unit, setup, silent.log()));
+    let truth = values(&retest(&unit, setup, silent.log()));
     let one = |seed: u64| {
         let mut bench = Bench::new(7_000 + seed, &put_in);
         change(&mut bench);
-        let found = figures(&retest(&unit, setup, bench.log()));
+        let found = values(&retest(&unit, setup, bench.log()));
         std::array::from_fn(|at| {
             f64::from(u8::from((found[at].value - truth[at].value).abs() <= 1.96 * found[at].sigma))
         })
@@ -71,8 +71,8 @@ fn intervals_hold_under_white_and_slow_noise() {
     ];
     for (noise, change) in noises {
         let found = covered(&Bench::setup(), RECORDS, change);
-        for (figure, covered) in FIGURES.iter().zip(found) {
-            evidence(&format!("95 % interval of a retest's {figure} covers, {noise}"), covered, "0.89 … 0.98", RECORDS);
+        for (value, covered) in VALUES.iter().zip(found) {
+            evidence(&format!("95 % interval of a retest's {value} covers, {noise}"), covered, "0.89 … 0.98", RECORDS);
         }
     }
 }
@@ -83,8 +83,8 @@ fn intervals_hold_in_short_windows() {
     const FEWER: Records = Records::new(100).few(30);
     let setup = Setup { window: Some(WindowSize::Seconds(5.0)), ..Bench::setup() };
     let found = covered(&setup, FEWER, |bench| bench.k_dph_rt_h = 0.01);
-    for (figure, covered) in FIGURES.iter().zip(found) {
-        let claim = format!("95 % interval of a retest's {figure} covers, K = 0.01 °/h/√h, windows of 5 s");
+    for (value, covered) in VALUES.iter().zip(found) {
+        let claim = format!("95 % interval of a retest's {value} covers, K = 0.01 °/h/√h, windows of 5 s");
         evidence(&claim, covered, "0.89 … 1", FEWER);
     }
 }

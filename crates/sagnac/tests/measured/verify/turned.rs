@@ -226,7 +226,7 @@ fn the_intervals_in_ppm_cover() {
 }
 
 /// A rate that stays for long is compared with others across the slow noise between them: by the scatter of the windows alone an
-/// asymmetry lay in its interval in 0.67 to 0.90 of the plateaus. ±1 °/s, where noise is large in ppm; every figure of every plateau.
+/// asymmetry lay in its interval in 0.67 to 0.90 of the plateaus. ±1 °/s, where noise is large in ppm; every value of every plateau.
 #[test]
 fn intervals_of_a_plateau_hold_under_slow_noise() {
     use rayon::prelude::*;
@@ -251,9 +251,9 @@ fn intervals_of_a_plateau_hold_under_slow_noise() {
             let within = |found: PpmEstimate, truth: f64| (found.ppm - truth).abs() <= 1.96 * found.sigma_ppm;
             let scale = part(&|p| within(p.scale, Table::of_every_gyro_ppm(p.temperature_c)));
             let asymmetry = part(&|p| within(p.asymmetry.unwrap(), 0.0));
-            for (figure, covered) in [("scale factor", scale), ("asymmetry", asymmetry)] {
+            for (value, covered) in [("scale factor", scale), ("asymmetry", asymmetry)] {
                 let claim = format!(
-                    "95 % interval of a plateau's {figure} covers, table of ±1 °/s, {dwell_s} s at a rate, {noise}"
+                    "95 % interval of a plateau's {value} covers, table of ±1 °/s, {dwell_s} s at a rate, {noise}"
                 );
                 evidence(&claim, covered, "0.92 … 0.98", records);
             }
