@@ -97,7 +97,7 @@ impl LogArgs {
     /// Windows of logs, with the setup that they are read with.
     pub(crate) fn windows(&self, paths: &[PathBuf]) -> Result<(Windows, Setup)> {
         for path in paths {
-            if !matches!(loading::kind_of(path)?, loading::Kind::Log) {
+            if !matches!(loading::kind_of(path)?, loading::FileKind::Log) {
                 let what = "an image or calibration where a log is needed";
                 return Err(Error::input(what).file(path.display().to_string()));
             }

@@ -19,7 +19,7 @@ use crate::output::progress::open_log;
 const FIRST_BYTES: u64 = 1024;
 
 /// What a file is, by its first bytes.
-pub(crate) enum Kind {
+pub(crate) enum FileKind {
     Image,
     Calibration,
     /// Anything else is read as a log.
@@ -32,18 +32,18 @@ pub(crate) fn is_pipe(path: &Path) -> bool {
 }
 
 /// Looks at the first bytes of a file; `-` and pipes are logs.
-pub(crate) fn kind_of(path: &Path) -> Result<Kind> {
+pub(crate) fn kind_of(path: &Path) -> Result<FileKind> {
     if is_pipe(path) {
         // Bytes read from a pipe cannot be read again.
-        return Ok(Kind::Log);
+        return Ok(FileKind::Log);
     }
     let start = first_bytes(path)?;
     // Some editors put a byte order mark before text.
     let start = start.strip_prefix("\u{feff}".as_bytes()).unwrap_or(&start);
     Ok(match start {
-        start if start.starts_with(&MAGIC) => Kind::Image,
-        [b'{', ..] => Kind::Calibration,
-        _ => Kind::Log,
+        start if start.starts_with(&MAGIC) => FileKind::Image,
+        [b'{', ..] => FileKind::Calibration,
+        _ => FileKind::Log,
     })
 }
 
@@ -116,14 +116,14 @@ pub(crate) fn calibration(path: &Path) -> Result<Calibration> {
 /// A calibration or an image.
 pub(crate) fn correction(path: &Path) -> Result<Correction> {
     match kind_of(path)? {
-        Kind::Image => image(path).map(Correction::from_image),
-        Kind::Calibration => {
+        FileKind::Image => image(path).map(Correction::from_image),
+        FileKind::Calibration => {
             Correction::from_calibration(calibration(path)?).map_err(|e| e.file(path.display().to_string()))
         }
         _ if is_pipe(path) => Err(Error::input("a correction is not read from a pipe")
             .file(path.display().to_string())
             .help("save it as a file; only logs are read from a pipe")),
-        Kind::Log => Err(Error::input("neither a calibration nor an image")
+        FileKind::Log => Err(Error::input("neither a calibration nor an image")
             .file(path.display().to_string())
             .help("the correction comes first, then the logs: sagnac verify unit.cal.json retest.csv")),
     }

@@ -104,7 +104,7 @@ impl Verb for Args {
 /// True for a file that begins like a curve; pipes are logs.
 fn is_curve_file(path: &Path) -> Result<bool> {
     Ok(path.is_file()
-        && matches!(loading::kind_of(path)?, loading::Kind::Log)
+        && matches!(loading::kind_of(path)?, loading::FileKind::Log)
         && is_curve(&loading::first_bytes(path)?))
 }
 
@@ -124,7 +124,7 @@ fn of_logs(args: &Args) -> Result<NoiseBudget> {
         return Err(Error::input("belongs to a bare curve; a log knows its own length").column("--duration"));
     }
     for path in &args.logs {
-        if !matches!(loading::kind_of(path)?, loading::Kind::Log) {
+        if !matches!(loading::kind_of(path)?, loading::FileKind::Log) {
             return Err(Error::input("no log: noise is in the rows of a log, which windows have summed away")
                 .file(path.display().to_string()));
         }

@@ -46,7 +46,7 @@ impl Verb for Args {
         let read = |path: &PathBuf| -> Result<(String, Calibration)> {
             let name = path.display().to_string();
             match loading::kind_of(path)? {
-                loading::Kind::Calibration => Ok((name, loading::calibration(path)?)),
+                loading::FileKind::Calibration => Ok((name, loading::calibration(path)?)),
                 _ => Err(Error::input("no calibration").file(name).help("give files that `sagnac calibrate -o` wrote")),
             }
         };

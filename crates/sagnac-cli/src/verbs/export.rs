@@ -18,7 +18,7 @@ use sagnac_sim::LoopDesign;
 
 use crate::args::signature::SignArgs;
 use crate::files::Files;
-use crate::files::loading::{self, Kind};
+use crate::files::loading::{self, FileKind};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table as drawn;
 use crate::verbs::line::send::frame_bytes;
@@ -192,7 +192,7 @@ fn per_axis(args: &Args, console: &mut Console) -> Ran {
 
 /// A sheet for each axis; only a calibration has an error budget.
 fn data_sheets(args: &Args, console: &mut Console) -> Ran {
-    if !matches!(loading::kind_of(&args.input)?, Kind::Calibration) {
+    if !matches!(loading::kind_of(&args.input)?, FileKind::Calibration) {
         return Err(Error::input("a data sheet needs the error budget of a calibration")
             .file(args.input.display().to_string())
             .help("give the calibration that the image was made from"));
@@ -217,7 +217,7 @@ fn path_of(args: &Args, images: &[Image], image: &Image) -> PathBuf {
 
 /// What the target gives the image at each slow update, where it is more than one thermometer's code.
 fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
-    if !matches!(loading::kind_of(&args.input)?, Kind::Calibration) {
+    if !matches!(loading::kind_of(&args.input)?, FileKind::Calibration) {
         return Ok(());
     }
     let calibration = loading::calibration(&args.input)?;
@@ -245,7 +245,7 @@ fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
 
 /// The signature of an image that is exported again: it stays, for the image does.
 fn signed_before(args: &Args) -> Result<Option<SignatureBlock>> {
-    let Kind::Image = loading::kind_of(&args.input)? else { return Ok(None) };
+    let FileKind::Image = loading::kind_of(&args.input)? else { return Ok(None) };
     let block = loading::signed_image(&args.input)?.2;
     match (&block, &args.signature.sign) {
         (Some(_), Some(_)) => {
@@ -266,11 +266,11 @@ fn upload(image: &[u8], trial: bool) -> Result<Vec<u8>> {
 /// The images of a calibration, or the one that a file is.
 fn images(args: &Args) -> Result<Vec<Image>> {
     match loading::kind_of(&args.input)? {
-        Kind::Image if args.sequence.is_some() => {
+        FileKind::Image if args.sequence.is_some() => {
             Err(Error::input("an image has its number already; export the calibration again").column("--sequence"))
         }
-        Kind::Image => Ok(vec![loading::image(&args.input)?]),
-        Kind::Log if args.input.extension().is_some_and(|extension| extension == "hex") => {
+        FileKind::Image => Ok(vec![loading::image(&args.input)?]),
+        FileKind::Log if args.input.extension().is_some_and(|extension| extension == "hex") => {
             let bytes = table_or_vectors(&args.input)?;
             let refused =
                 |e: sagnac_core::DecodeError| Error::input(e.to_string()).file(args.input.display().to_string());

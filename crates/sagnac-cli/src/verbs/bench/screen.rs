@@ -155,14 +155,14 @@ fn news_of(state: &State, lines: u16) -> Vec<Line<'static>> {
 }
 
 /// Points of one curve.
-struct Curve {
+struct ScreenCurve {
     name: String,
     points: Vec<(f64, f64)>,
     dots: bool,
 }
 
 /// A chart of curves; it says so where there is nothing to draw.
-fn chart(frame: &mut Frame<'_>, area: Rect, title: &str, units: [&str; 2], curves: &[Curve]) {
+fn chart(frame: &mut Frame<'_>, area: Rect, title: &str, units: [&str; 2], curves: &[ScreenCurve]) {
     let block = Block::bordered().title(title.to_owned());
     let all = || curves.iter().flat_map(|curve| &curve.points);
     let bounds = |coordinate: fn(&(f64, f64)) -> f64| {
@@ -201,10 +201,10 @@ fn curves<N: std::fmt::Display>(
     points: &[TrendPoint],
     scale: f64,
     of: fn(&TrendPoint) -> &[Option<f64>],
-) -> Vec<Curve> {
+) -> Vec<ScreenCurve> {
     let curve = |(at, name): (usize, &N)| {
         let known = points.iter().filter_map(|point| Some((point.t_s / scale, (*of(point).get(at)?)?)));
-        Curve { name: name.to_string(), points: known.collect(), dots: false }
+        ScreenCurve { name: name.to_string(), points: known.collect(), dots: false }
     };
     names.iter().enumerate().map(curve).collect()
 }
@@ -223,32 +223,32 @@ fn temperature(frame: &mut Frame<'_>, area: Rect, state: &State) {
 }
 
 fn residual(frame: &mut Frame<'_>, area: Rect, state: &State) {
-    let curve = |axis: &sagnac_bench::live::StudyAxis| Curve {
+    let curve = |axis: &sagnac_bench::live::StudyAxis| ScreenCurve {
         name: axis.axis.to_string(),
         points: axis.residuals.iter().map(|point| (point.temperature_c, point.after_dph)).collect(),
         dots: true,
     };
-    let all: Vec<Curve> = state.study.axes.iter().map(curve).collect();
+    let all: Vec<ScreenCurve> = state.study.axes.iter().map(curve).collect();
     chart(frame, area, "3 residual on the fit so far", ["°C", "°/h"], &all);
 }
 
 fn known(frame: &mut Frame<'_>, area: Rect, state: &State) {
-    let curve = |axis: &sagnac_bench::live::StudyAxis| Curve {
+    let curve = |axis: &sagnac_bench::live::StudyAxis| ScreenCurve {
         name: axis.axis.to_string(),
         points: axis.curve.iter().map(|at| (at.temperature_c, at.half_dph)).collect(),
         dots: false,
     };
-    let all: Vec<Curve> = state.study.axes.iter().map(curve).collect();
+    let all: Vec<ScreenCurve> = state.study.axes.iter().map(curve).collect();
     chart(frame, area, "4 half of the curve's 95 % interval", ["°C", "°/h"], &all);
 }
 
 fn allan(frame: &mut Frame<'_>, area: Rect, state: &State) {
-    let drawn = |(axis, curve): &(char, Vec<sagnac_bench::live::DeviationAt>)| Curve {
+    let drawn = |(axis, curve): &(char, Vec<sagnac_bench::live::DeviationAt>)| ScreenCurve {
         name: axis.to_string(),
         points: curve.iter().filter(|at| at.adev_dph > 0.0).map(|at| (at.tau_s.log10(), at.adev_dph.log10())).collect(),
         dots: false,
     };
-    let all: Vec<Curve> = state.study.allan.iter().map(drawn).collect();
+    let all: Vec<ScreenCurve> = state.study.allan.iter().map(drawn).collect();
     chart(frame, area, "5 Allan deviation so far", ["log10 τ/s", "log10 °/h"], &all);
 }
 

@@ -4,9 +4,7 @@ use std::path::Path;
 
 use sagnac::Result;
 use sagnac::export::image_bytes;
-use sagnac_core::{
-    Description, Image, Kind as Quantity, LagSpec, Multiplier, Shape, SignatureBlock, Term, ValueSource,
-};
+use sagnac_core::{Description, Image, Kind, LagSpec, Multiplier, Shape, SignatureBlock, Term, ValueSource};
 use sagnac_log::ingest::{hex, sha256};
 use sagnac_units::format::significant;
 use serde::Serialize;
@@ -168,7 +166,7 @@ fn image_object(image: &Image, signature: Option<&SignatureBlock>) -> ImageObjec
         shape: piece(t).0,
         from: piece(t).1,
         turns: t.shape.turns_q18().map(|turns| f64::from(turns) / f64::from(1 << 18)),
-        kind: if t.kind == Quantity::Bias { "bias" } else { "scale" },
+        kind: if t.kind == Kind::Bias { "bias" } else { "scale" },
         sensor: t.input,
         order: t.shape.order().unwrap_or(0),
         times_rate: t.multiplier == Multiplier::Rate,

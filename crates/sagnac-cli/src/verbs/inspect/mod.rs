@@ -12,7 +12,7 @@ use sagnac::calibration::Calibration;
 use crate::args::report::ReportArgs;
 use crate::args::setup::LogArgs;
 use crate::files::Files;
-use crate::files::loading::{self, Kind};
+use crate::files::loading::{self, FileKind};
 use crate::output::calibration::describe;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::verbs::inspect::log::Wanted;
@@ -64,12 +64,12 @@ impl Verb for Args {
         let is_more_asked = self.report.is_asked() || self.windows.is_some();
         let no_log =
             || Error::input("a report and a table of windows are made of a log").file(file.display().to_string());
-        if is_more_asked && !matches!(kind, Kind::Log) {
+        if is_more_asked && !matches!(kind, FileKind::Log) {
             return Err(no_log());
         }
         match kind {
-            Kind::Image => image::image(file, console)?,
-            Kind::Calibration => match results::json(file, console)? {
+            FileKind::Image => image::image(file, console)?,
+            FileKind::Calibration => match results::json(file, console)? {
                 true => {}
                 false => {
                     let calibration: Calibration = loading::calibration(file)?;
@@ -79,7 +79,7 @@ impl Verb for Args {
                     console.object(&calibration)?;
                 }
             },
-            Kind::Log => {
+            FileKind::Log => {
                 let is_log = !results::recognised(file, console)? && log::log(file, &wanted, console)?;
                 if is_more_asked && !is_log {
                     return Err(no_log());

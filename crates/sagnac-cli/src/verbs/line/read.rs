@@ -43,7 +43,7 @@ pub(crate) struct Args {
 
 /// Findings besides the rows.
 #[derive(Default)]
-struct Tally {
+struct FrameTally {
     outputs: u64,
     /// Replies and challenges, as lines.
     answers: Vec<String>,
@@ -64,7 +64,7 @@ impl Verb for Args {
         }
         Files::new().reads([&self.input]).writes(&self.output).check()?;
         self.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV"))?;
-        let mut tally = Tally::default();
+        let mut tally = FrameTally::default();
         match &self.output {
             Some(path) => write_atomically(path, |out| pour(self, &mut tally, out))
                 .map_err(|e| e.file(path.display().to_string()))?,
@@ -80,7 +80,7 @@ impl Verb for Args {
     }
 }
 
-fn report(tally: &Tally, console: &mut Console) -> Ran {
+fn report(tally: &FrameTally, console: &mut Console) -> Ran {
     for answer in &tally.answers {
         console.note(answer);
     }
@@ -100,7 +100,7 @@ fn report(tally: &Tally, console: &mut Console) -> Ran {
     Ok(Outcome::Done)
 }
 
-fn pour(args: &Args, tally: &mut Tally, out: &mut dyn Write) -> Result<()> {
+fn pour(args: &Args, tally: &mut FrameTally, out: &mut dyn Write) -> Result<()> {
     let input = &args.input;
     let failed = |e: &std::io::Error| Error::io_path(input, "read", e);
     let mut bytes: Box<dyn Read> = if input.as_os_str() == "-" {
@@ -136,7 +136,7 @@ fn pour(args: &Args, tally: &mut Tally, out: &mut dyn Write) -> Result<()> {
     out.flush().map_err(|e| written(&e))
 }
 
-impl Tally {
+impl FrameTally {
     fn note(&mut self, line: String) {
         if self.answers.len() < MOST_ANSWERS {
             self.answers.push(line);

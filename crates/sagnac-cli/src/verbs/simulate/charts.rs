@@ -8,7 +8,7 @@ use sagnac_units::format::significant;
 const POINTS: f64 = 1200.0;
 
 /// Gathers means over stretches of equal length; memory does not grow with the run.
-pub(crate) struct Recorder {
+pub(crate) struct ChartRecorder {
     scenario: Scenario,
     stretch_s: f64,
     open: Option<Stretch>,
@@ -31,7 +31,7 @@ struct Stretch {
 /// Columns before the error sources: three temperatures, actuator, mode, light, current, scale factor.
 const FIXED: usize = 8;
 
-impl Recorder {
+impl ChartRecorder {
     pub(crate) fn new(scenario: &Scenario) -> Self {
         let length_s = scenario.profile().map_or(1.0, |profile| profile.length_s());
         Self {

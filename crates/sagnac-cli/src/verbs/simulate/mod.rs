@@ -23,7 +23,7 @@ use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::SimulatedTime;
 use crate::output::terminal::table;
-use crate::verbs::simulate::charts::Recorder;
+use crate::verbs::simulate::charts::ChartRecorder;
 use crate::verbs::verb::Verb;
 
 /// Simulate a ring laser gyro on its thermal test
@@ -72,7 +72,7 @@ impl Verb for Args {
         }
         let outputs = [&self.output, &self.truth];
         let seed = self.seed.unwrap_or(scenario.seed);
-        let mut recorder = self.report.is_asked().then(|| Recorder::new(&scenario));
+        let mut recorder = self.report.is_asked().then(|| ChartRecorder::new(&scenario));
         let mut rows = 0;
         let mut to = |path: Option<&Path>, out: &mut (dyn Write + Send)| {
             rows = pour_with_truth(&scenario, seed, path, out, self.truth.as_deref(), &mut recorder)?;
@@ -189,7 +189,7 @@ fn pour_with_truth(
     path: Option<&Path>,
     out: &mut (dyn Write + Send),
     truth: Option<&Path>,
-    recorder: &mut Option<Recorder>,
+    recorder: &mut Option<ChartRecorder>,
 ) -> Result<u64> {
     let Some(truth) = truth else { return pour(scenario, seed, path, out, None, recorder) };
     let mut rows = 0;
@@ -206,7 +206,7 @@ fn pour(
     path: Option<&Path>,
     out: &mut (dyn Write + Send),
     truth: Option<&mut (dyn Write + Send)>,
-    recorder: &mut Option<Recorder>,
+    recorder: &mut Option<ChartRecorder>,
 ) -> Result<u64> {
     let invalid = |problem: ScenarioError| Error::input(problem.message.clone()).column(problem.key);
     let mut run = scenario.build().map_err(invalid)?.start(seed);
