@@ -16,8 +16,7 @@ use xtask::shell::root;
 
 use crate::made::Made;
 use crate::makes::{
-    chamber, circle, errors, faults, first_bytes, glossary, image, limits, manual, pages, requirements, scenario_keys,
-    schema, serial_line, vectors,
+    chamber, circle, errors, faults, first_bytes, glossary, image, manual, pages, requirements, tables, vectors,
 };
 use crate::program::Program;
 
@@ -34,11 +33,11 @@ const FILES: [(&str, Make); 15] = [
     ("testdata", Make::Here(chamber::make)),
     ("image", Make::Here(image::make)),
     ("vectors", Make::Here(vectors::make)),
-    ("schema", Make::Here(schema::make)),
-    ("limits", Make::Here(limits::make)),
-    ("serial-line", Make::Here(serial_line::make)),
+    ("schema", Make::Here(tables::schema::make)),
+    ("limits", Make::Here(tables::limits::make)),
+    ("serial-line", Make::Here(tables::serial_line::make)),
     ("glossary", Make::Here(glossary::make)),
-    ("scenario", Make::Here(scenario_keys::make)),
+    ("scenario", Make::Here(tables::scenario_keys::make)),
     ("first-bytes", Make::Here(first_bytes::make)),
     ("circle", Make::Here(circle::make)),
     ("requirements", Make::Here(requirements::make)),

@@ -4,18 +4,14 @@ pub(crate) mod chamber;
 pub(crate) mod circle;
 pub(crate) mod errors;
 pub(crate) mod faults;
-mod fields;
 pub(crate) mod first_bytes;
 pub(crate) mod glossary;
 pub(crate) mod image;
-pub(crate) mod limits;
 pub(crate) mod making;
 pub(crate) mod manual;
 pub(crate) mod pages;
 pub(crate) mod requirements;
-pub(crate) mod scenario_keys;
-pub(crate) mod schema;
-pub(crate) mod serial_line;
+pub(crate) mod tables;
 pub(crate) mod vectors;
 
 /// The ready scenarios whose bytes and figures are tested.

@@ -7,7 +7,7 @@ use sagnac::calibration::Calibration;
 use xtask::shell::root;
 
 use crate::made::{Made, between_marks, marks};
-use crate::makes::fields;
+use crate::makes::tables::fields;
 use crate::places::{CALIBRATION_SCHEMA, RECORD};
 
 pub(crate) fn make() -> Result<Vec<Made>> {
