@@ -18,7 +18,7 @@ use sagnac_units::format::printable;
 
 use crate::files::interrupt;
 use crate::files::log_paths::expanded;
-use crate::output::console::{self, Console, Outcome};
+use crate::output::console::{self, Console, Loudness, Outcome};
 use crate::verbs::{Verbs, manual, old};
 
 const EXAMPLES: &str = "\
@@ -39,6 +39,22 @@ const ABOUT: &str =
 struct Cli {
     #[command(subcommand)]
     command: Command,
+    /// Everything that is known: terms, candidates, diagnostics
+    #[arg(short, long, global = true, conflicts_with = "quiet", help_heading = "Output")]
+    verbose: bool,
+    /// Errors alone; the exit status has the verdict
+    #[arg(short, long, global = true, help_heading = "Output")]
+    quiet: bool,
+}
+
+impl Cli {
+    fn loudness(&self) -> Loudness {
+        match (self.quiet, self.verbose) {
+            (true, _) => Loudness::Quiet,
+            (_, true) => Loudness::Verbose,
+            _ => Loudness::Brief,
+        }
+    }
 }
 
 #[derive(Subcommand)]
@@ -52,7 +68,9 @@ enum Command {
 fn main() -> ExitCode {
     // Files are decoded on a stack of a stated size. Where the machine allows no further thread, this one does the work.
     match spawn("sagnac", begin) {
-        Ok(thread) => thread.join().unwrap_or_else(|_| Console::new(false).complain(&console::internal_error())),
+        Ok(thread) => {
+            thread.join().unwrap_or_else(|_| Console::new(false, Loudness::Brief).complain(&console::internal_error()))
+        }
         Err(_) => begin(),
     }
 }
@@ -78,12 +96,13 @@ fn begin() -> ExitCode {
         Command::Verb(verbs) => verbs.verb().json(),
         Command::Manual(_) => false,
     };
-    let mut console = Console::new(json);
+    let loudness = cli.loudness();
+    let mut console = Console::new(json, loudness);
     console::keep_panics_quiet();
     interrupt::leave_nothing_behind();
     let ran = std::panic::catch_unwind(|| {
         on_all_processors(|| {
-            let mut console = Console::new(json);
+            let mut console = Console::new(json, loudness);
             let ran = run(cli.command, &mut console);
             console.ended(ran)
         })
@@ -101,7 +120,7 @@ fn begin() -> ExitCode {
 fn arguments_said(said: &clap::Error) -> ExitCode {
     let words: Vec<String> = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned()).collect();
     if let Some(error) = old::answer(&words) {
-        return Console::new(false).complain(&error);
+        return Console::new(false, Loudness::Brief).complain(&error);
     }
     let plain = said.render().to_string();
     let written = match printable(&plain) {
@@ -110,7 +129,7 @@ fn arguments_said(said: &clap::Error) -> ExitCode {
     };
     match written {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Console::new(false).complain(&sagnac::Error::io("standard output", "write", &error))
+            Console::new(false, Loudness::Brief).complain(&sagnac::Error::io("standard output", "write", &error))
         }
         _ => ExitCode::from(u8::try_from(said.exit_code()).unwrap_or(2)),
     }

@@ -34,15 +34,22 @@ impl ReportArgs {
         self.page.as_deref().map_or(Ok(()), refuse_other_endings)
     }
 
-    /// Writes what was asked for; the report is made only then.
+    /// Writes what was asked for and says so; the report is made only then.
     pub(crate) fn write(&self, console: &mut Console, make: impl FnOnce() -> Result<Report>) -> Result<()> {
+        self.written(make)?.iter().for_each(|name| console.say(format!("wrote {name}")));
+        Ok(())
+    }
+
+    /// Writes what was asked for, and names it; the report is made only then.
+    pub(crate) fn written(&self, make: impl FnOnce() -> Result<Report>) -> Result<Vec<String>> {
+        let mut names = Vec::new();
         if !self.is_asked() {
-            return Ok(());
+            return Ok(names);
         }
         let report = make()?;
         if let Some(path) = &self.page {
             write_bytes(path, report.html().as_bytes())?;
-            console.say(format!("wrote {}", path.display()));
+            names.push(path.display().to_string());
         }
         if let Some(folder) = &self.figures {
             std::fs::create_dir_all(folder).map_err(|e| Error::io_path(folder, "make", &e))?;
@@ -52,9 +59,9 @@ impl ReportArgs {
                 written += 1;
             }
             let plural = if written == 1 { "" } else { "s" };
-            console.say(format!("wrote {written} figure{plural} to {}", folder.display()));
+            names.push(format!("{written} figure{plural} to {}", folder.display()));
         }
-        Ok(())
+        Ok(names)
     }
 }
 

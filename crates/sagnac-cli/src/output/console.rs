@@ -1,7 +1,8 @@
 //! Output for people and scripts: text, tables, JSON, errors.
 //!
 //! With `--json` one object goes to standard output and the text for people to standard error.
-//! On a terminal, lines wrap by word ([`crate::output::terminal`]). A reader that goes away (a closed pipe) ends the printing quietly.
+//! On a terminal, lines wrap by word ([`crate::output::terminal`]), a verdict is in colour unless NO_COLOR is set, and a locale without
+//! UTF-8 gets ASCII. A reader that goes away (a closed pipe) ends the printing quietly.
 
 use std::borrow::Cow;
 use std::io::Write;
@@ -12,7 +13,7 @@ use sagnac::{Error, ErrorKind};
 use sagnac_units::format::{printable, printable_json};
 use serde::Serialize;
 
-use crate::output::terminal::{columns_of_errors, columns_of_output, wrapped};
+use crate::output::terminal::{MOST_COLUMNS, Tone, ascii, columns_of_errors, columns_of_output, is_utf8, wrapped};
 
 /// How a command that did not fail ended.
 pub(crate) enum Outcome {
@@ -44,9 +45,21 @@ pub(crate) fn internal_error() -> Error {
         .help("please report it with the command and, if you can, the file")
 }
 
+/// How much is printed for people.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum Loudness {
+    /// Errors alone.
+    Quiet,
+    #[default]
+    Brief,
+    /// Everything.
+    Verbose,
+}
+
 /// Where things are printed.
 pub(crate) struct Console {
     json: bool,
+    loudness: Loudness,
     /// The first write error; a closed pipe is not an error.
     lost: Option<std::io::Error>,
 }
@@ -69,22 +82,60 @@ struct ComplaintPlace<'a> {
 }
 
 impl Console {
-    pub(crate) fn new(json: bool) -> Self {
-        Self { json, lost: None }
+    pub(crate) fn new(json: bool, loudness: Loudness) -> Self {
+        Self { json, loudness, lost: None }
+    }
+
+    /// True where everything is printed.
+    pub(crate) fn is_verbose(&self) -> bool {
+        self.loudness == Loudness::Verbose
     }
 
     /// A line for people.
     pub(crate) fn say(&mut self, line: impl AsRef<str>) {
+        self.say_lines(line.as_ref(), columns_of_output(), "", Tone::Plain);
+    }
+
+    /// A line for people, no wider than so many columns wherever it goes.
+    pub(crate) fn say_within(&mut self, line: &str, columns: usize) {
+        self.say_lines(line, Some(columns_of_output().map_or(columns, |own| own.min(columns))), "", Tone::Plain);
+    }
+
+    /// The same with one of its words in colour on a terminal.
+    pub(crate) fn say_marked(&mut self, line: &str, word: &str, tone: Tone) {
+        let columns = columns_of_output().map_or(MOST_COLUMNS, |own| own.min(MOST_COLUMNS));
+        self.say_lines(line, Some(columns), word, tone);
+    }
+
+    fn say_lines(&mut self, line: &str, columns: Option<usize>, word: &str, tone: Tone) {
         if self.json {
             self.note(line);
-        } else {
-            self.print(&wrapped(&printable(line.as_ref()), columns_of_output()));
+        } else if self.loudness != Loudness::Quiet {
+            let text = wrapped(&printable(line), columns);
+            let text = if columns_of_output().is_some() { for_terminal(&text, word, tone) } else { text };
+            self.print(&text);
         }
     }
 
     /// A line for people that is never part of the output.
     pub(crate) fn note(&mut self, line: impl AsRef<str>) {
-        let _ = writeln!(std::io::stderr(), "{}", wrapped(&printable(line.as_ref()), columns_of_errors()));
+        self.note_lines(line.as_ref(), columns_of_errors());
+    }
+
+    /// The same, no wider than so many columns wherever it goes.
+    pub(crate) fn note_within(&mut self, line: &str, columns: usize) {
+        self.note_lines(line, Some(columns_of_errors().map_or(columns, |own| own.min(columns))));
+    }
+
+    fn note_lines(&mut self, line: &str, columns: Option<usize>) {
+        if self.loudness == Loudness::Quiet {
+            return;
+        }
+        let text = wrapped(&printable(line), columns);
+        let is_warning = text.starts_with("warning");
+        let word = if is_warning { "warning" } else { "" };
+        let text = if columns_of_errors().is_some() { for_terminal(&text, word, Tone::Open) } else { text };
+        let _ = writeln!(std::io::stderr(), "{text}");
     }
 
     /// The object for scripts, if it was asked for.
@@ -146,6 +197,19 @@ impl Console {
             ErrorKind::Refused => ExitCode::from(3),
         }
     }
+}
+
+/// A word in its colour, and ASCII where the locale has no UTF-8.
+fn for_terminal(text: &str, word: &str, tone: Tone) -> String {
+    let code = match tone {
+        Tone::Good => "32",
+        Tone::Bad => "31",
+        Tone::Open => "33",
+        Tone::Plain => "",
+    };
+    let has_colour = !code.is_empty() && !word.is_empty() && std::env::var_os("NO_COLOR").is_none();
+    let text = if is_utf8() { text.to_owned() } else { ascii(text) };
+    if has_colour { text.replacen(word, &format!("\u{1b}[1;{code}m{word}\u{1b}[0m"), 1) } else { text }
 }
 
 /// A message in a length that a person reads: what a file holds may be quoted in it.

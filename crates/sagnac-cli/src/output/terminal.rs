@@ -8,6 +8,18 @@ use terminal_size::terminal_size_of;
 use textwrap::core::display_width;
 use textwrap::{Options, WordSeparator, WordSplitter};
 
+/// Columns of a short result.
+pub(crate) const MOST_COLUMNS: usize = 100;
+
+/// How good a verdict is, for its colour.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Tone {
+    Good,
+    Bad,
+    Open,
+    Plain,
+}
+
 /// Columns below which nothing is laid out.
 const LEAST_COLUMNS: usize = 20;
 /// A space at which no line is broken.
@@ -32,6 +44,41 @@ fn columns_of(size: Option<(terminal_size::Width, terminal_size::Height)>) -> Op
     size.map(|(width, _)| usize::from(width.0)).filter(|columns| *columns >= LEAST_COLUMNS)
 }
 
+/// True where the locale of the terminal is one of UTF-8, or says nothing.
+pub(crate) fn is_utf8() -> bool {
+    let named = ["LC_ALL", "LC_CTYPE", "LANG"].into_iter().filter_map(std::env::var_os).find(|value| !value.is_empty());
+    named.is_none_or(|name| {
+        let name = name.to_string_lossy().to_ascii_lowercase();
+        name.contains("utf-8") || name.contains("utf8")
+    })
+}
+
+/// The same text in ASCII, for a terminal without UTF-8.
+pub(crate) fn ascii(text: &str) -> String {
+    let plain = |c: char| match c {
+        '°' => "deg".to_owned(),
+        '±' => "+-".to_owned(),
+        '−' | '–' | '─' | '‐' => "-".to_owned(),
+        '…' => "...".to_owned(),
+        '≤' => "<=".to_owned(),
+        '≥' => ">=".to_owned(),
+        'σ' => "sigma".to_owned(),
+        'τ' => "tau".to_owned(),
+        'Ω' => "Omega".to_owned(),
+        'Ṫ' => "dT/dt".to_owned(),
+        'Δ' => "D".to_owned(),
+        'χ' => "chi".to_owned(),
+        '√' => "rt ".to_owned(),
+        '²' => "^2".to_owned(),
+        '·' | '×' => "*".to_owned(),
+        'µ' | 'μ' => "u".to_owned(),
+        '\u{a0}' => " ".to_owned(),
+        c if c.is_ascii() => c.to_string(),
+        _ => "?".to_owned(),
+    };
+    text.chars().map(plain).collect()
+}
+
 /// Lines no longer than `columns`, broken between words; what continues a line is indented by two more. A word that is longer stays whole.
 pub(crate) fn wrapped(text: &str, columns: Option<usize>) -> String {
     let Some(columns) = columns else { return text.to_owned() };
@@ -51,6 +98,20 @@ pub(crate) fn wrapped(text: &str, columns: Option<usize>) -> String {
         textwrap::fill(&line[start..], options)
     });
     lines.collect::<Vec<_>>().join("\n")
+}
+
+/// Rows as lines with aligned columns, two blanks apart; the first row may be titles.
+pub(crate) fn lines_of(rows: &[Vec<String>]) -> Vec<String> {
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width =
+        |at: usize| rows.iter().filter_map(|row| row.get(at)).map(|cell| display_width(cell)).max().unwrap_or(0);
+    let widths: Vec<usize> = (0..columns).map(width).collect();
+    let line = |row: &Vec<String>| {
+        let padded =
+            row.iter().zip(&widths).map(|(cell, width)| format!("{cell}{}", " ".repeat(width - display_width(cell))));
+        padded.collect::<Vec<_>>().join("  ").trim_end().to_owned()
+    };
+    rows.iter().map(line).collect()
 }
 
 /// A plain aligned table that fits the terminal; the first column to the left, numbers to the right. A column without any value is not

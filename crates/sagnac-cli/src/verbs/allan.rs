@@ -15,6 +15,7 @@ use crate::args::report::ReportArgs;
 use crate::args::setup::{SetupArgs, numbers};
 use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
+use crate::output::noise_brief::noise_brief;
 use crate::output::tables::excluded;
 use crate::output::terminal::table;
 use crate::verbs::verb::Verb;
@@ -86,16 +87,24 @@ impl Verb for Args {
             [path] if is_curve_file(path)? => of_curve(path, self)?,
             _ => of_logs(self)?,
         };
-        for warning in &budget.warnings {
-            console.note(format!("warning: {warning}"));
-        }
-        budget.axes.iter().for_each(|axis| describe(console, axis));
-        excluded(&budget.excluded).iter().for_each(|line| console.say(line));
+        let mut wrote = Vec::new();
         if let Some(path) = &self.output {
             write_bytes(path, curve_csv(&budget).as_bytes())?;
-            console.say(format!("wrote {}", path.display()));
+            wrote.push(path.display().to_string());
         }
-        self.report.write(console, || noise_report(&budget))?;
+        wrote.extend(self.report.written(|| noise_report(&budget))?);
+        let of_rows = |axis: &AxisBudget| row_notes(axis).into_iter().map(|note| (axis.axis, note)).collect::<Vec<_>>();
+        let notes: Vec<(char, String)> = budget.axes.iter().flat_map(of_rows).collect();
+        let brief = noise_brief(&budget, &notes, &wrote);
+        if console.is_verbose() {
+            brief.say_verdict(console);
+            budget.warnings.iter().for_each(|warning| console.note(format!("warning: {warning}")));
+            budget.axes.iter().for_each(|axis| describe(console, axis));
+            excluded(&budget.excluded).iter().for_each(|line| console.say(line));
+            brief.say_last(console);
+        } else {
+            brief.say(console);
+        }
         console.object(&budget)?;
         Ok(Outcome::Done)
     }

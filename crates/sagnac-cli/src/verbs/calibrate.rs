@@ -14,7 +14,9 @@ use sagnac_units::format::significant;
 use crate::args::report::ReportArgs;
 use crate::args::setup::{LogArgs, source_date_epoch};
 use crate::files::Files;
+use crate::output::brief::Remark;
 use crate::output::calibration::describe;
+use crate::output::calibration_brief::calibration_brief;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::of_fit;
 use crate::output::terminal::table;
@@ -105,23 +107,27 @@ impl Verb for Args {
         // Its bar goes before the results come.
         drop(options);
         let text = calibration.to_json()?;
-        for axis in &calibration.axes {
-            describe(console, axis);
-            if self.warm_up && axis.correction.warm_up.is_none() {
-                console.note("  no warm-up is found in these runs, so none is corrected");
-            }
-            if self.tradeoff {
-                console.say(tradeoff(axis)?);
-            }
-        }
+        let trades = calibration.axes.iter().filter(|_| self.tradeoff).map(tradeoff).collect::<Result<Vec<_>>>()?;
         if let Some(path) = &self.output {
             write_bytes(path, text.as_bytes())?;
-            console.say(format!("wrote {}", path.display()));
         }
-        self.report.write(console, || calibration_report(&calibration, &report_data))?;
-        if calibration.serial == sagnac::calibration::UNASSIGNED {
-            console.note("note: no serial number given, so no image can be exported from this calibration (--serial)");
+        let output = self.output.as_ref().map(|path| path.display().to_string());
+        let mut wrote: Vec<String> = output.iter().cloned().collect();
+        wrote.extend(self.report.written(|| calibration_report(&calibration, &report_data))?);
+        let mut brief = calibration_brief(&calibration, &report_data, &wrote, output.as_deref());
+        let no_warm_up = calibration.axes.iter().filter(|axis| self.warm_up && axis.correction.warm_up.is_none());
+        let axes: Vec<char> = no_warm_up.map(|axis| axis.axis).collect();
+        if !axes.is_empty() {
+            brief.remarks.push(Remark { axes, ..Remark::note("these runs show no warm-up, so none is corrected") });
         }
+        if console.is_verbose() {
+            brief.say_verdict(console);
+            calibration.axes.iter().for_each(|axis| describe(console, axis));
+            brief.say_last(console);
+        } else {
+            brief.say(console);
+        }
+        trades.into_iter().for_each(|trade| console.say(trade));
         console.object(&calibration)?;
         Ok(Outcome::Done)
     }

@@ -11,6 +11,7 @@ use sagnac_units::format;
 
 use crate::args::report::ReportArgs;
 use crate::files::{Files, loading};
+use crate::output::comparison_brief::comparison_brief;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::tables::limits_table;
 use crate::output::terminal::table;
@@ -53,32 +54,43 @@ impl Verb for Args {
         let records: Result<Vec<(String, Calibration)>> = self.calibrations.iter().map(read).collect();
         let limits = self.limits.as_deref().map(Limits::named_or_read).transpose()?;
         let comparison = compare(&records?, limits.as_ref())?;
-        if !comparison.shared_logs.is_empty() {
-            let logs = comparison.shared_logs.join(", ");
-            console.note(format!(
-                "warning: records made from the same log ({logs}) are not independent and agree too well"
-            ));
+        let wrote = self.report.written(|| comparison_report(&comparison))?;
+        let brief = comparison_brief(&comparison, &wrote);
+        if console.is_verbose() {
+            brief.say_verdict(console);
+            say_everything(console, &comparison);
+            brief.say_last(console);
+        } else {
+            brief.say(console);
         }
-        if !comparison.untested_axes.is_empty() {
-            let axes: Vec<String> = comparison.untested_axes.iter().map(char::to_string).collect();
-            console.note(format!("warning: not every record has axis {}, which is not compared", axes.join(", ")));
-        }
-        for change in &comparison.changes {
-            console.say(format!("{}: {}", comparison.records[change.record].0, change.words()));
-        }
-        for axis in &comparison.axes {
-            if let Some(words) = verdict(axis, &comparison) {
-                console.say(format!("axis {}: {words}", axis.axis));
-                console.say(limits_table(&axis.limits, false));
-            }
-            describe(console, &comparison, axis);
-            for words in axis.numbers.iter().filter_map(ComparedNumber::verdict) {
-                console.say(format!("axis {}: {words}", axis.axis));
-            }
-        }
-        self.report.write(console, || comparison_report(&comparison))?;
         console.object(&comparison)?;
         Ok(if comparison.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
+    }
+}
+
+/// Warnings, changes, limits and values, axis by axis.
+fn say_everything(console: &mut Console, comparison: &Comparison) {
+    if !comparison.shared_logs.is_empty() {
+        let logs = comparison.shared_logs.join(", ");
+        console
+            .note(format!("warning: records made from the same log ({logs}) are not independent and agree too well"));
+    }
+    if !comparison.untested_axes.is_empty() {
+        let axes: Vec<String> = comparison.untested_axes.iter().map(char::to_string).collect();
+        console.note(format!("warning: not every record has axis {}, which is not compared", axes.join(", ")));
+    }
+    for change in &comparison.changes {
+        console.say(format!("{}: {}", comparison.records[change.record].0, change.words()));
+    }
+    for axis in &comparison.axes {
+        if let Some(words) = verdict(axis, comparison) {
+            console.say(format!("axis {}: {words}", axis.axis));
+            console.say(limits_table(&axis.limits, false));
+        }
+        describe(console, comparison, axis);
+        for words in axis.numbers.iter().filter_map(ComparedNumber::verdict) {
+            console.say(format!("axis {}: {words}", axis.axis));
+        }
     }
 }
 

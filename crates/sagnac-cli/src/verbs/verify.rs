@@ -17,6 +17,7 @@ use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::tables::{excluded, limits_table};
 use crate::output::terminal::table;
+use crate::output::verification_brief::verification_brief;
 use crate::verbs::verb::Verb;
 
 /// Prove on another test what a correction gains
@@ -126,11 +127,19 @@ impl Verb for Args {
             Some(limits) => proof.limits(limits)?,
             None => proof,
         };
-        warn_of_same_log(console, &verification);
-        describe(console, &verification);
-        self.report.write(console, || {
-            verification_report(&verification, correction.calibration.as_ref(), &report_data, &sheet)
-        })?;
+        let wrote = self
+            .report
+            .written(|| verification_report(&verification, correction.calibration.as_ref(), &report_data, &sheet))?;
+        let rule = limits.and_then(|limits| limits.decision).unwrap_or_default();
+        let brief = verification_brief(&verification, rule, &wrote);
+        if console.is_verbose() {
+            brief.say_verdict(console);
+            warn_of_same_log(console, &verification);
+            describe(console, &verification);
+            brief.say_last(console);
+        } else {
+            brief.say(console);
+        }
         console.object(&verification)?;
         Ok(if verification.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
     }

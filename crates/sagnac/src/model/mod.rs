@@ -4,6 +4,7 @@
 //! basis (Chebyshev polynomials on a scaled span) ─▶ powers (the same in powers of °C) ─▶ shape (functions of one input)
 //! shape, powers ─▶ common_basis (series of several spans on one)
 //! shape ─▶ input (thermometer, difference, column on the rows of a fit)
+//! spec ─▶ words (a model as people name it)
 //! shape ─▶ spec (which terms a model has, in the words of `--model`) ─▶ price (instructions on the target)
 //! ```
 
@@ -14,6 +15,7 @@ pub(crate) mod powers;
 pub(crate) mod price;
 pub(crate) mod shape;
 pub(crate) mod spec;
+mod words;
 
 pub use basis::{BASIS_LEN, Span, chebyshev};
 pub use common_basis::COMMON_SPAN;

@@ -67,7 +67,7 @@ pub struct Harmonic {
 
 impl Harmonic {
     /// Its word in a model.
-    fn word(self) -> &'static str {
+    pub(crate) fn word(self) -> &'static str {
         match self.acts_on {
             ActsOn::Bias => "harmonic",
             ActsOn::ScaleFactor => "scale harmonic",

@@ -157,6 +157,13 @@ pub struct AxisVerification {
     pub pass: Option<bool>,
 }
 
+impl AxisVerification {
+    /// The verdict on a limit, by its key.
+    pub fn limit(&self, key: &str) -> Option<&Verdict> {
+        self.limits.iter().find(|limit| limit.name == key)
+    }
+}
+
 /// The result of `sagnac verify`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

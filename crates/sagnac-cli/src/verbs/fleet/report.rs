@@ -9,6 +9,7 @@ use sagnac_units::format::{significant, unit, with_sigma};
 use crate::args::report::ReportArgs;
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
+use crate::output::terminal::MOST_COLUMNS;
 use crate::verbs::verb::Verb;
 
 /// Show a fleet's yield, control charts, odd units, rigs and tight limits
@@ -43,26 +44,36 @@ impl Verb for Args {
     }
 }
 
+/// At most [`SHOWN`] lines of a kind; the report has all.
 fn describe(console: &mut Console, quality: &Quality) {
-    for of in &quality.yields {
+    let lots = quality.yields.iter().map(|of| {
         let lot = if of.lot.is_empty() { "all lots".to_owned() } else { format!("lot {}", of.lot) };
         let judged = if of.judged > 0 { format!(", limits met by {} of {}", of.met, of.judged) } else { String::new() };
-        console.say(format!("{lot}: {} of {} units calibrated{judged}", of.calibrated, of.units));
-    }
-    for effect in &quality.rigs {
+        format!("{lot}: {} of {} units calibrated{judged}", of.calibrated, of.units)
+    });
+    let rigs = quality.rigs.iter().map(|effect| {
         let size = with_sigma(effect.difference, Some(effect.sigma));
-        console.say(format!("rig {}: {} differs by {size} {}", effect.rig, effect.quantity, unit(&effect.unit)));
-    }
-    for odd in quality.odd.iter().take(SHOWN) {
-        console.say(format!("odd: {}, {} {} σ from the median", odd.of, odd.quantity, significant(odd.sigmas, 2)));
-    }
-    if quality.odd.len() > SHOWN {
-        console.say(format!("odd: {} more, in the report", quality.odd.len() - SHOWN));
-    }
-    for (reason, units) in quality.refusals.iter().take(SHOWN) {
-        console.say(format!("{units} not calibrated or not judged: {reason}"));
+        format!("rig {}: {} differs by {size} {}", effect.rig, effect.quantity, unit(&effect.unit))
+    });
+    let outliers = quality
+        .odd
+        .iter()
+        .map(|odd| format!("outlier: {}, {} {} σ from the median", odd.of, odd.quantity, significant(odd.sigmas, 2)));
+    let refused =
+        quality.refusals.iter().map(|(reason, units)| format!("{units} not calibrated or not judged: {reason}"));
+    say_some(console, "lots", lots.collect());
+    say_some(console, "rigs", rigs.collect());
+    say_some(console, "outliers", outliers.collect());
+    say_some(console, "reasons", refused.collect());
+}
+
+fn say_some(console: &mut Console, kind: &str, lines: Vec<String>) {
+    let shown = if console.is_verbose() { lines.len() } else { SHOWN };
+    lines.iter().take(shown).for_each(|line| console.say_within(line, MOST_COLUMNS));
+    if lines.len() > shown {
+        console.say(format!("  {} more {kind}: -v", lines.len() - shown));
     }
 }
 
 /// Lines of a kind on the terminal.
-const SHOWN: usize = 8;
+const SHOWN: usize = 3;

@@ -78,7 +78,7 @@ impl Applies {
             Self::KnownInput => axis.bias_repeatability_unavailable.clone(),
             Self::BothTurned => {
                 let both = axis.turned_about && axis.scale_factor_calibrated;
-                unless(both, "needs a calibration and a retest on a rate table, and the calibration's record")
+                unless(both, "needs a rate table in calibration and retest")
             }
             Self::Excluding => unless(axis.excluded_fraction.is_some(), "nothing was asked to be excluded"),
             Self::SoaksAndRamps => {
@@ -116,6 +116,11 @@ pub struct LimitSpec {
 }
 
 impl LimitSpec {
+    /// True for a part of a whole, 0 to 1.
+    pub fn is_fraction(&self) -> bool {
+        self.largest == WHOLE
+    }
+
     /// True where each run must meet it alone. What a retest must cover or gain is of all its runs.
     pub(crate) fn is_of_each_run(&self) -> bool {
         self.bound == Bound::Most && !OF_ALL.contains(&self.key)
@@ -296,14 +301,14 @@ limits! {
     peak_to_peak_dph_max: "max − min after correction", Most, ANY, "deg/h", Always,
         |a| relative(Some(a.after.peak_to_peak * a.after.dph_per_unit()), a.relative_sigma_of_range()), "";
     /// σ after over the noise floor
-    sigma_over_floor_max: "σ after correction over the noise floor", Most, ANY, "", Always,
+    sigma_over_floor_max: "σ over the noise floor", Most, ANY, "", Always,
         |a| {
             let ratio = over_floor(a).filter(|_| !is_below_floor(a));
             relative(ratio, a.relative_sigma_of_spread())
         },
         NO_FLOOR;
     /// σ after beyond the noise floor, √(σ² − floor²)
-    sigma_beyond_floor_dph_max: "σ beyond the noise floor, √(σ² − floor²)", Most, ANY, "deg/h", Always,
+    sigma_beyond_floor_dph_max: "σ beyond the noise floor", Most, ANY, "deg/h", Always,
         |a| a.sigma_beyond_floor().filter(|_| !is_below_floor(a)), NO_FLOOR;
     /// max − min before over after
     improvement_min: "max − min, before over after", Least, ANY, "", Always,
@@ -312,10 +317,10 @@ limits! {
     improvement_sigma_min: "σ, before over after", Least, ANY, "", Always,
         |a| relative(a.improvement_sigma, a.relative_sigma_of_spread()), "the residual is zero: there is nothing to divide by";
     /// fraction of the windows beyond the fit's temperatures by over 0.5 °C
-    out_of_span_max: "windows beyond the calibrated temperatures, fraction", Most, WHOLE, "", Always,
+    out_of_span_max: "beyond calibrated temperatures, fraction", Most, WHOLE, "", Always,
         |a| plain(Some(a.out_of_span_fraction)), "";
     /// fraction of the fit's temperature span that the windows cover
-    span_covered_min: "calibrated temperature span covered, fraction", Least, WHOLE, "", Always,
+    span_covered_min: "temperature span covered, fraction", Least, WHOLE, "", Always,
         |a| plain(a.coverage.as_ref().map(|coverage| coverage.covered_fraction)), "the retest has no temperature";
     /// largest σ within a plateau
     plateau_sigma_dph_max: "plateau σ, largest", Most, ANY, "deg/h", Always,
@@ -364,7 +369,7 @@ limits! {
     bias_repeatability_dph_max: "bias repeatability, largest", Most, ANY, "deg/h", KnownInput,
         |a| size(a.bias_of_every_run().ok().and_then(|biases| Some(biases.worst()?.difference_dph))), RUN_WITHOUT_BIAS;
     /// one-sided 95 % bound of the σ from turn-on to turn-on
-    turn_on_sigma_dph_max: "turn-on to turn-on bias, σ (95 % bound)", Most, ANY, "deg/h", KnownInput,
+    turn_on_sigma_dph_max: "turn-on bias, σ (95 % bound)", Most, ANY, "deg/h", KnownInput,
         |a| plain(a.bias_of_every_run().ok().and_then(|biases| Some(biases.turn_ons?.sigma_upper_dph))),
         "fewer than two runs, or one that is shorter than eight windows or was turned at one rate alone";
     /// largest fixed bias of a run
@@ -393,7 +398,7 @@ limits! {
         |a| size_ppm(scale_of(a).and_then(ScaleProof::hysteresis)),
         "no temperature was visited twice, or too few of them have a plateau";
     /// fraction of the fit's temperature rates that the ramps reach
-    rate_covered_min: "calibrated temperature rates covered, fraction", Least, WHOLE, "", WithRate,
+    rate_covered_min: "temperature rates covered, fraction", Least, WHOLE, "", WithRate,
         |a| plain(a.rate_coverage), "the ramps of the fit are not known";
     /// fraction of the time of the runs of which no row is usable
     missing_max: "time without usable rows, fraction", Most, WHOLE, "", Always,

@@ -1,0 +1,145 @@
+//! A calibration in short: per axis the drift as logged and on unseen data, the error of the curve, and the model by its name.
+//!
+//! ```text
+//! as logged        σ of the used windows about their run's mean           on unseen data   σ of held-out windows
+//! error of curve   largest half width of the 95 % interval over the span, at rest, about T0
+//! ```
+
+use sagnac::calibration::{AxisCalibration, Calibration, RunOffset, UNASSIGNED};
+use sagnac::diagnostics::{AxisReportData, ReportData};
+use sagnac::model::ModelSpec;
+use sagnac::notes::NoteLevel;
+use sagnac_units::format::{counted, significant};
+
+use crate::output::brief::{Brief, Remark};
+use crate::output::terminal::{Tone, lines_of};
+
+/// Temperatures at which the curve's interval is taken.
+const TEMPERATURES: usize = 25;
+
+/// With what was written, and the command that comes next.
+pub(crate) fn calibration_brief(
+    calibration: &Calibration,
+    report_data: &ReportData,
+    wrote: &[String],
+    output: Option<&str>,
+) -> Brief {
+    let rows = calibration.axes.iter().zip(&report_data.axes).map(|(axis, drawn)| row(axis, drawn));
+    let titles: [[&str; 6]; 2] = [
+        ["", "bias drift, 1σ", "", "", "95 % error", ""],
+        ["axis", "as logged", "on unseen data", "reduction", "of curve", "model"],
+    ];
+    let rows: Vec<Vec<String>> = titles.map(|row| row.map(str::to_owned).to_vec()).into_iter().chain(rows).collect();
+    let next = match output {
+        Some(output) if calibration.serial == UNASSIGNED => {
+            format!("next    sagnac verify {output} RETEST.csv (an image needs --serial)")
+        }
+        Some(output) => format!("next    sagnac verify {output} RETEST.csv"),
+        None => "next    the same command with -o unit.cal.json writes the calibration".to_owned(),
+    };
+    let wrote = (!wrote.is_empty()).then(|| format!("wrote   {}", wrote.join(", ")));
+    Brief {
+        of: calibration.serial.clone(),
+        word: "",
+        tone: Tone::Plain,
+        verdict: verdict(calibration, report_data),
+        body: lines_of(&rows),
+        remarks: remarks(calibration),
+        last: wrote.into_iter().chain([next]).collect(),
+    }
+}
+
+fn verdict(calibration: &Calibration, report_data: &ReportData) -> String {
+    let spans = calibration.axes.iter().map(|axis| axis.span_c());
+    let [lo, hi] = spans.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], [a, b]| [lo.min(a), hi.max(b)]);
+    let hours = report_data.runs.iter().map(|run| run.hours[1] - run.hours[0]).sum::<f64>();
+    let of_axes = calibration.axes.iter().filter_map(|axis| axis.fit.as_ref());
+    let left_out = of_axes.map(|fit| fit.excluded.iter().map(|tally| tally.rows).sum::<u64>()).max().unwrap_or(0);
+    let used = match left_out {
+        0 => "all data used".to_owned(),
+        1 => "1 row or window left out".to_owned(),
+        n => format!("{n} rows and windows left out"),
+    };
+    let runs = counted(report_data.runs.len(), "run", "runs");
+    let length = if report_data.timed { format!(", {} h", significant(hours, 2)) } else { String::new() };
+    format!("calibrated over {lo:.0} … {hi:.0} °C ({runs}{length}, {used})")
+}
+
+fn row(axis: &AxisCalibration, drawn: &AxisReportData) -> Vec<String> {
+    let logged_dph = logged_dph(drawn);
+    let unseen_dph = axis.cross_validation().map(|held_out| held_out.sigma_dph);
+    let dph = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{} °/h", significant(value, 3)));
+    let reduction = logged_dph.zip(unseen_dph).filter(|(_, after)| *after > 0.0).map(|(before, after)| before / after);
+    let model = axis.correction.model.parse::<ModelSpec>().map_or(axis.correction.model.clone(), |spec| spec.words());
+    vec![
+        axis.axis.to_string(),
+        dph(logged_dph),
+        dph(unseen_dph),
+        reduction.map_or("-".to_owned(), |times| format!("{} x", significant(times, if times < 10.0 { 2 } else { 3 }))),
+        curve_error_dph(axis).map_or("-".to_owned(), |half| format!("± {} °/h", significant(half, 2))),
+        model,
+    ]
+}
+
+/// σ of the used windows about their run's mean, °/h.
+fn logged_dph(drawn: &AxisReportData) -> Option<f64> {
+    let used: Vec<(usize, f64)> = drawn
+        .points
+        .iter()
+        .filter(|point| point.after_dph.is_finite() && point.before_dph.is_finite())
+        .map(|point| (point.run, point.before_dph))
+        .collect();
+    let runs: Vec<&[(usize, f64)]> = used.chunk_by(|a, b| a.0 == b.0).collect();
+    let square: f64 = runs
+        .iter()
+        .map(|run| {
+            let mean = run.iter().map(|(_, dph)| dph).sum::<f64>() / run.len() as f64;
+            run.iter().map(|(_, dph)| (dph - mean).powi(2)).sum::<f64>()
+        })
+        .sum();
+    (used.len() > runs.len()).then(|| (square / (used.len() - runs.len()) as f64).sqrt())
+}
+
+/// Largest half width of the 95 % interval of the curve, °/h.
+fn curve_error_dph(axis: &AxisCalibration) -> Option<f64> {
+    let [lo, hi] = axis.span_c();
+    let step = (hi - lo) / (TEMPERATURES - 1) as f64;
+    let half = |at: usize| {
+        let value = axis.evaluate(lo + step * at as f64, 0.0);
+        Some(0.5 * (value.upper_dph? - value.lower_dph?))
+    };
+    (0..TEMPERATURES).filter_map(half).reduce(f64::max)
+}
+
+/// Notes of the fit, then the bias that stays.
+fn remarks(calibration: &Calibration) -> Vec<Remark> {
+    let of_axis = |axis: &AxisCalibration| {
+        let letter = axis.axis;
+        let told = axis.notes().into_iter().filter(|note| note.level != NoteLevel::Fact);
+        let remark = move |note: sagnac::notes::Note| Remark {
+            is_warning: note.level == NoteLevel::Warning,
+            axes: vec![letter],
+            text: note.text,
+        };
+        told.map(remark).collect::<Vec<_>>()
+    };
+    calibration.axes.iter().flat_map(of_axis).chain(kept_bias(calibration)).collect()
+}
+
+/// The correction is zero at T0: the mean rate there stays.
+fn kept_bias(calibration: &Calibration) -> Option<Remark> {
+    let mean = |axis: &AxisCalibration, of: &dyn Fn(&RunOffset) -> Option<f64>| {
+        let all: Vec<f64> = axis.run_offsets.iter().filter_map(of).collect();
+        (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
+    };
+    let knows_input = calibration.axes.iter().all(|axis| mean(axis, &|run| run.fixed_bias_dph).is_some());
+    let what = if knows_input { "fixed bias" } else { "mean rate, Earth rate included," };
+    let of_axis = |axis: &AxisCalibration| {
+        let value = mean(axis, &|run| if knows_input { run.fixed_bias_dph } else { Some(run.value_dph) })?;
+        Some(format!("{} {}", axis.axis, significant(value, 3)))
+    };
+    let all: Vec<String> = calibration.axes.iter().take(3).filter_map(of_axis).collect();
+    let reference_c = calibration.axes.first()?.reference_c();
+    let text = format!("the {what} at {reference_c:.0} °C stays in the output ({} °/h)", all.join(", "));
+    (!all.is_empty()).then(|| Remark::note(text))
+}
