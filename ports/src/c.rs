@@ -1,8 +1,14 @@
-//! The whole of a gyro's program as C99: correction, loops, counting, banks, signature, serial line and the order of a tick.
+//! A gyro's program as C99: the correction with the constants of the unit and a check of both, and on request the parts around it.
 //!
-//! The modules are the same for every gyro and load an image or table from bytes; `sagnac_unit.c` holds the images and the
-//! table as constants for builds that compile them in. The code needs only `<stdint.h>`, no 8-bit type and no
-//! allocation. Documentation: `docs/explanation/on-target.md`.
+//! ```text
+//! always            sagnac_compensator, sagnac_integer, sagnac_unit, sagnac_rates (°/s), sagnac_unit_check, README
+//! board             order of a tick, dither, watches, upsets        loops   path length, intensity
+//! banks             flash banks, signatures                         line    frames, uploads
+//! all four          the Makefile, the reference vectors and their check too
+//! ```
+//!
+//! A part brings the modules that its headers include. The code needs only `<stdint.h>`, no 8-bit type and no allocation.
+//! Documentation: `docs/explanation/on-target.md`.
 
 use std::fmt::Write as _;
 use std::io::Read as _;
@@ -12,6 +18,7 @@ use sagnac_core::{Image, InputSpec, Kind, Multiplier, Shape, Term, ValueSource};
 use sagnac_loops::LoopTable;
 
 use crate::TextFile;
+use crate::unit_check::unit_check;
 
 /// A module: its header and its source.
 macro_rules! modules {
@@ -39,11 +46,60 @@ const MODULES: [(&str, &str); 30] = modules!(
     "sagnac_board",
 );
 
-const CHECK: [(&str, &str); 3] = [
+const README: (&str, &str) = ("README.md", include_str!("../c/README.md"));
+const CHECK: [(&str, &str); 2] = [
     ("check/check_vectors.c", include_str!("../../firmware/c/check_vectors.c")),
     ("Makefile", include_str!("../c/Makefile")),
-    ("README.md", include_str!("../c/README.md")),
 ];
+
+/// A part of the program around the correction.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// The order of a tick, dither, watches on thermometers and memory.
+    Board,
+    /// Path-length and intensity control.
+    Loops,
+    /// Flash banks and signatures.
+    Banks,
+    /// Frames of the serial line and uploads.
+    Line,
+}
+
+impl Part {
+    /// All of them: the export has the reference vectors too.
+    pub const ALL: [Self; 4] = [Self::Board, Self::Loops, Self::Banks, Self::Line];
+
+    const fn modules(self) -> &'static [&'static str] {
+        match self {
+            Self::Board => &["sagnac_board", "sagnac_quadrature"],
+            Self::Loops => &["sagnac_path_length", "sagnac_intensity"],
+            Self::Banks => &["sagnac_banks", "sagnac_signature"],
+            Self::Line => &["sagnac_frame", "sagnac_upload"],
+        }
+    }
+}
+
+/// The modules of some parts, with all that they include.
+fn modules_of(parts: &[Part]) -> Vec<&'static (&'static str, &'static str)> {
+    let mut wanted: Vec<String> = vec!["sagnac_compensator".to_owned()];
+    wanted.extend(parts.iter().flat_map(|part| part.modules()).map(|name| (*name).to_owned()));
+    let mut at = 0;
+    while at < wanted.len() {
+        let own = MODULES.iter().filter(|(name, _)| name.trim_end_matches(".h").trim_end_matches(".c") == wanted[at]);
+        let included: Vec<String> = own
+            .flat_map(|(_, text)| text.lines())
+            .filter_map(|line| line.strip_prefix("#include \"")?.strip_suffix(".h\""))
+            .map(str::to_owned)
+            .collect();
+        let new: Vec<String> = included.into_iter().filter(|name| !wanted.contains(name)).collect();
+        wanted.extend(new);
+        at += 1;
+    }
+    let is_wanted = |name: &str| {
+        wanted.iter().any(|wanted| name.strip_prefix(wanted.as_str()).is_some_and(|end| end.starts_with('.')))
+    };
+    MODULES.iter().filter(|(name, _)| is_wanted(name)).collect()
+}
 /// What the checking program reads, packed by build.rs.
 const VECTORS: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/vectors.gz"));
 
@@ -56,15 +112,23 @@ fn vectors() -> Vec<TextFile> {
     files.map(|(name, text)| TextFile::new(&format!("vectors/{name}"), text.to_owned())).collect()
 }
 
-/// The files for some axes of a gyro: every module, the constants of the unit (those of its loops if their table is given), the program
-/// that checks a port with its reference vectors, a Makefile and a README. Names have folders, `check/` and `vectors/`.
-pub fn c_files(images: &[Image], loops: Option<&LoopTable>) -> Vec<TextFile> {
-    let whole = MODULES.iter().chain(&CHECK);
-    let mut files: Vec<TextFile> = whole.map(|(name, text)| TextFile::new(name, (*text).to_owned())).collect();
-    files.extend(vectors());
+/// The files for some axes of a gyro: the correction, the constants of the unit (those of its loops if their table is given), a program that
+/// checks them, and the parts. With all parts also the program that checks a port with the reference vectors. Names may have folders.
+pub fn c_files(images: &[Image], loops: Option<&LoopTable>, parts: &[Part]) -> Vec<TextFile> {
+    let is_whole = Part::ALL.iter().all(|part| parts.contains(part));
+    let mut parts = parts.to_vec();
+    parts.extend(loops.map(|_| Part::Loops));
+    let checks = CHECK.iter().filter(|_| is_whole);
+    let texts = modules_of(&parts).into_iter().chain([&README]).chain(checks);
+    let mut files: Vec<TextFile> = texts.map(|(name, text)| TextFile::new(name, (*text).to_owned())).collect();
+    if is_whole {
+        files.extend(vectors());
+    }
     files.push(TextFile::new("sagnac_version.h", version_header()));
     files.push(TextFile::new("sagnac_unit.h", unit_header(images, loops)));
     files.push(TextFile::new("sagnac_unit.c", unit_source(images, loops)));
+    files.push(TextFile::new("sagnac_rates.h", rates_header(images)));
+    files.push(TextFile::new("sagnac_unit_check.c", unit_check(&named(images), &about(images))));
     files
 }
 
@@ -91,6 +155,16 @@ fn name_of(image: &Image) -> String {
     }
 }
 
+/// The beginning of an axis's constants.
+fn macro_name(image: &Image) -> String {
+    name_of(image).replace("sagnac_image_", "SAGNAC_").to_uppercase()
+}
+
+/// The images with their names in C.
+fn named(images: &[Image]) -> Vec<(String, &Image)> {
+    images.iter().map(|image| (name_of(image), image)).collect()
+}
+
 fn about(images: &[Image]) -> String {
     let serial = images.first().and_then(Image::serial).unwrap_or("");
     // A serial number may neither end the comment nor begin another.
@@ -110,16 +184,95 @@ fn unit_header(images: &[Image], loops: Option<&LoopTable>) -> String {
         // Writing to a String cannot fail.
         let _ = writeln!(
             out,
-            "/* Axis {}, image {}. */\nextern const sagnac_image {};\n",
+            "/* Axis {}, image {}. {} */\nextern const sagnac_image {};\n",
             d.axis as char,
             d.sequence,
+            size_of_count(image),
             name_of(image)
         );
+        if let Some([above, below]) = counts_per_nano_dps(image) {
+            let name = macro_name(image);
+            let _ = writeln!(out, "#define {name}_ABOVE INT64_C({above})\n#define {name}_BELOW INT64_C({below})\n");
+        }
+    }
+    if images.iter().any(|image| counts_per_nano_dps(image).is_some()) {
+        out.push_str(INTEGER_RATES);
     }
     if loops.is_some() {
         out.push_str("extern const sagnac_path_length sagnac_unit_path_length;\nextern const sagnac_intensity sagnac_unit_intensity;\n\n");
     }
     out + "#ifdef __cplusplus\n}\n#endif\n\n#endif\n"
+}
+
+/// A number for people: twelve digits, an exponent where it is small.
+fn decimal(value: f64) -> String {
+    let value: f64 = format!("{value:.11e}").parse().unwrap_or(value);
+    if (1e-3..1e6).contains(&value) { value.to_string() } else { format!("{value:e}") }
+}
+
+/// Angle of a count, arcsec, and the rate of one count in a tick, °/s.
+fn count_of(image: &Image) -> [f64; 2] {
+    let d = image.description();
+    let arcsec = d.scale_factor_femto_arcsec as f64 * 1e-15;
+    [arcsec, arcsec / 3600.0 / (f64::from(d.tick_ns) * 1e-9)]
+}
+
+/// What `raw` and `counts` of an axis are, in words.
+fn size_of_count(image: &Image) -> String {
+    let [arcsec, dps] = count_of(image);
+    let tick_us = f64::from(image.description().tick_ns) * 1e-3;
+    format!(
+        "raw and counts: 1 is {} arcsec of angle;\n * 1 in each tick of {} us is {} deg/s. Another size corrects wrongly, and no status shows it.",
+        decimal(arcsec),
+        decimal(tick_us),
+        decimal(dps)
+    )
+}
+
+/// Counts of a tick from a rate in 1e-9 °/s, as a ratio of whole numbers: 3600·tick/(1000·size); `None` where 2000 °/s would overflow.
+fn counts_per_nano_dps(image: &Image) -> Option<[u64; 2]> {
+    let d = image.description();
+    let (above, below) = (3600 * u64::from(d.tick_ns), d.scale_factor_femto_arcsec.checked_mul(1000)?);
+    let (mut a, mut b) = (above, below);
+    while b > 0 {
+        (a, b) = (b, a % b);
+    }
+    let ratio = [above.checked_div(a)?, below.checked_div(a)?];
+    (ratio[0] <= 2_000_000 && ratio[1] <= u64::MAX / 8).then_some(ratio)
+}
+
+/// Whole counts from rates in whole nano-degrees per second, in integers.
+const INTEGER_RATES: &str = "/* Counts of one tick from a rate in 1e-9 deg/s, at most 2000 deg/s: rate * above / below. `rest` begins at 0 and keeps what is less\n \
+     * than a count for the next tick, so that no angle is lost. above and below are those of the axis. */\n\
+     static inline int32_t sagnac_unit_counts(int64_t rate_nano_dps, int64_t above, int64_t below, int64_t *rest)\n{\n    \
+     const int64_t whole = (rate_nano_dps * above) + *rest;\n    const int64_t counts = whole / below;\n    \
+     *rest = whole - (counts * below);\n    return (int32_t)counts;\n}\n\n";
+
+/// Rates in °/s to counts of a tick and back: the only file with floating point.
+fn rates_header(images: &[Image]) -> String {
+    let mut out = about(images);
+    out.push_str(
+        "/* Rates in deg/s, for a gyro whose output is a rate. Floating point stands in this file alone; the correction does not need it.\n \
+         * A tick takes whole counts: sagnac_rates_to_counts keeps the rest for the next tick, so that no angle is lost. */\n\
+         #ifndef SAGNAC_RATES_H\n#define SAGNAC_RATES_H\n\n#include <stdint.h>\n\n",
+    );
+    for image in images {
+        let [arcsec, dps] = count_of(image);
+        let name = macro_name(image);
+        let _ = write!(
+            out,
+            "/* Axis {}. */\n#define {name}_ARCSEC_PER_COUNT {arcsec:e}\n#define {name}_DEG_PER_S_PER_COUNT {dps:e}\n\n",
+            image.description().axis as char
+        );
+    }
+    out + "/* Counts of one tick from a rate; `rest` begins at 0. The rate is within 2^29 counts. */\n\
+           static inline int32_t sagnac_rates_to_counts(double deg_per_s, double deg_per_s_per_count, double *rest)\n{\n    \
+           const double whole = (deg_per_s / deg_per_s_per_count) + *rest;\n    \
+           const int32_t counts = (int32_t)((whole < 0.0) ? (whole - 0.5) : (whole + 0.5));\n    \
+           *rest = whole - (double)counts;\n    return counts;\n}\n\n\
+           /* The rate of some counts in one tick. */\n\
+           static inline double sagnac_rates_of_counts(int32_t counts, double deg_per_s_per_count)\n{\n    \
+           return (double)counts * deg_per_s_per_count;\n}\n\n#endif\n"
 }
 
 fn unit_source(images: &[Image], loops: Option<&LoopTable>) -> String {

@@ -8,11 +8,12 @@
 //! It knows the target (`sagnac-core`, `sagnac-loops`) and no fit. `cargo xtask c` and `cargo xtask fpga` check what it writes.
 
 mod c;
+mod unit_check;
 mod verilog;
 
 use std::path::Path;
 
-pub use c::c_files;
+pub use c::{Part, c_files};
 pub use verilog::{hex_words, verilog_files};
 
 /// One file of source text.

@@ -167,7 +167,7 @@ impl Calibration {
 
     /// Writes the C sources; their paths.
     fn export_c(&self, folder: PathBuf, sequence: u32) -> PyResult<Vec<PathBuf>> {
-        let files = c_files(&self.images(sequence).map_err(exception)?, None);
+        let files = c_files(&self.images(sequence).map_err(exception)?, None, &[]);
         let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
         let write = || -> Result<()> {
             if let Some((_, path)) = files.iter().zip(&paths).find(|(file, path)| !file.may_replace(path)) {

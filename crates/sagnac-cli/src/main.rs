@@ -40,10 +40,10 @@ struct Cli {
     #[command(subcommand)]
     command: Command,
     /// Everything that is known: terms, candidates, diagnostics
-    #[arg(short, long, global = true, conflicts_with = "quiet", help_heading = "Output")]
+    #[arg(short, long, global = true, conflicts_with = "quiet")]
     verbose: bool,
     /// Errors alone; the exit status has the verdict
-    #[arg(short, long, global = true, help_heading = "Output")]
+    #[arg(short, long, global = true)]
     quiet: bool,
 }
 

@@ -18,7 +18,7 @@ pub(crate) struct ReportArgs {
     #[arg(long = "report", value_name = "FILE")]
     page: Option<PathBuf>,
     /// Folder for the report's figures, an SVG file each
-    #[arg(long, value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER", hide_short_help = true)]
     figures: Option<PathBuf>,
 }
 

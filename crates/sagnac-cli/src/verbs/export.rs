@@ -13,7 +13,7 @@ use sagnac_core::{Image, MAX_SEQUENCE, SignatureBlock};
 use sagnac_log::ingest::{hex, sha256};
 use sagnac_log::write::write_bytes;
 use sagnac_loops::{LoopTable, TABLE_MAGIC};
-use sagnac_ports::{TextFile, c_files, verilog_files};
+use sagnac_ports::{Part, TextFile, c_files, verilog_files};
 use sagnac_sim::LoopDesign;
 
 use crate::args::signature::SignArgs;
@@ -62,6 +62,33 @@ pub(crate) struct Args {
     /// C and Verilog: the loops too, of this scenario or table of the loops
     #[arg(long, value_name = "FILE")]
     loops: Option<PathBuf>,
+    /// C: parts around the correction; all four bring the reference vectors and a Makefile too
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "PARTS")]
+    with: Vec<CPart>,
+}
+
+/// A part of the program in C.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum CPart {
+    /// Order of a tick, dither, watches
+    Board,
+    /// Path-length and intensity control
+    Loops,
+    /// Flash banks and signatures
+    Banks,
+    /// Serial line and uploads
+    Line,
+}
+
+impl CPart {
+    fn of_ports(self) -> Part {
+        match self {
+            Self::Board => Part::Board,
+            Self::Loops => Part::Loops,
+            Self::Banks => Part::Banks,
+            Self::Line => Part::Line,
+        }
+    }
 }
 
 /// What an export writes.
@@ -94,7 +121,8 @@ impl Verb for Args {
             }
             Target::C => {
                 let images = images(self)?;
-                let files = c_files(&images, table(self, &images)?.as_ref());
+                let parts: Vec<Part> = self.with.iter().map(|part| part.of_ports()).collect();
+                let files = c_files(&images, table(self, &images)?.as_ref(), &parts);
                 folders(self, &[(self.output.clone(), files)], console)
             }
             Target::Verilog => {
@@ -144,11 +172,12 @@ fn check_flags(args: &Args) -> Result<()> {
     if let Some((flag, _)) = said.iter().find(|(_, given)| *given && args.signature.sign.is_none()) {
         return Err(Error::input("belongs to --sign").column(*flag));
     }
-    let flags: [(&str, bool, &[Target]); 4] = [
+    let flags: [(&str, bool, &[Target]); 5] = [
         ("--sign", args.signature.sign.is_some(), &[Image, Upload]),
         ("--trial", args.trial, &[Upload]),
         ("--sequence", args.sequence.is_some(), &[Image, Upload, C, Verilog, DataSheet]),
         ("--loops", args.loops.is_some(), &[C, Verilog]),
+        ("--with", !args.with.is_empty(), &[C]),
     ];
     match flags.iter().find(|(_, given, targets)| *given && !targets.contains(&args.to)) {
         None => Ok(()),

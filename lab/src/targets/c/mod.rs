@@ -18,7 +18,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use sagnac_ports::c_files;
+use sagnac_ports::{Part, c_files};
 use xtask::debian::{self, need};
 use xtask::shell::{output, root, stdout_of, text};
 
@@ -74,7 +74,7 @@ const MACHINES: [Machine; 3] = [
 pub(crate) fn c() -> Result<()> {
     need(debian::C)?;
     let folder = root().join("target/c");
-    write(&folder, &c_files(&[image("compensator-full")?], Some(&loops()?)))?;
+    write(&folder, &c_files(&[image("compensator-full")?], Some(&loops()?), &Part::ALL))?;
     checks::all(&folder)?;
     let given = Given {
         verdicts: records::verdicts(&folder)?,

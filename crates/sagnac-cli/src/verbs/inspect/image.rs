@@ -90,9 +90,10 @@ pub(super) fn image(path: &Path, console: &mut Console) -> Result<()> {
     if let Some(block) = &signature {
         console.say(format!("{}; not checked here: sagnac key verify", words(block)));
     }
+    let dps_per_count = object.arcsec_per_count / 3600.0 / (f64::from(object.tick_ns) * 1e-9);
     console.say(format!(
-        "{} arcsec per output count ({} counts of the log); tick {} ns, temperature period {} ticks, slew {} ticks; zero at {:.3} °C",
-        object.arcsec_per_count, object.quantum, object.tick_ns, object.period_ticks, object.slew_ticks, object.reference_c
+        "{} arcsec per output count ({} counts of the log), {} °/s at one count a tick; tick {} ns, temperature period {} ticks, slew {} ticks; zero at {:.3} °C",
+        object.arcsec_per_count, object.quantum, significant(dps_per_count, 6), object.tick_ns, object.period_ticks, object.slew_ticks, object.reference_c
     ));
     for (at, t) in object.thermometers.iter().enumerate() {
         if let Some(tau_s) = t.warm_up_s {
