@@ -63,7 +63,7 @@ fn what_is_not_asked_is_not_met() {
     let folder = TempDir::new().unwrap();
     let (record, retest) = (record(&folder), testdata("cycle-3.csv.gz"));
     let page = folder.path().join("page.html").display().to_string();
-    let flags = ["verify", &record, &retest, "--limits", "navigation-grade", "--report", &page, "--json"];
+    let flags = ["verify", "-v", &record, &retest, "--limits", "navigation-grade", "--report", &page, "--json"];
     let out = sagnac().args(flags).output().unwrap();
     let object: Value = serde_json::from_slice(&out.stdout).unwrap();
     let limits = object["axes"][0]["limits"].as_array().unwrap();
@@ -86,7 +86,7 @@ fn what_is_not_asked_is_not_met() {
     // Limits of which none can be asked are refused.
     let table_only = folder.path().join("table.toml").display().to_string();
     std::fs::write(&table_only, "scale_factor_sigma_ppm_max = 5.0\n").unwrap();
-    sagnac().args(["verify", &record, &retest, "--limits", &table_only]).assert().code(3);
+    sagnac().args(["verify", "-v", &record, &retest, "--limits", &table_only]).assert().code(3);
 }
 
 /// The rows of the third cycle at some temperatures.
@@ -170,14 +170,15 @@ fn a_flight_beyond_the_test_is_not_accepted() {
     let limits = folder.path().join("limits.toml").display().to_string();
     let flight = "position_error_m_max = 1e6\n[flight]\nprofile = [{ minutes = 0, temperature_c = 20 }, { minutes = 60, temperature_c = 95 }]\n";
     std::fs::write(&limits, flight).unwrap();
-    let out = sagnac().args(["verify", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits]).assert().code(1);
+    let out =
+        sagnac().args(["verify", "-v", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits]).assert().code(1);
     let said = String::from_utf8(out.get_output().stdout.clone()).unwrap();
     assert!(
         said.contains("the flight is not available: the flight goes to 95 °C") && said.contains("unknown"),
         "{said}"
     );
     std::fs::write(&limits, flight.replace("minutes = 60", "minutes = -1")).unwrap();
-    sagnac().args(["verify", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits]).assert().code(2);
+    sagnac().args(["verify", "-v", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits]).assert().code(2);
 }
 
 /// Found by the hunt: every window was short, so the noise floor was the mean of nothing, and a limit beyond it was met by σ ± 0.026 °/h.
@@ -189,8 +190,12 @@ fn a_floor_of_nothing_meets_no_limit() {
     std::fs::write(&limits, "sigma_beyond_floor_dph_max = 0.001\n").unwrap();
     let verify = |record: &Path, retest: &Path| {
         let limits = limits.display().to_string();
-        let out =
-            sagnac().arg("verify").args([record, retest]).args(["--limits", &limits, "--axis", "x"]).output().unwrap();
+        let out = sagnac()
+            .args(["verify", "-v"])
+            .args([record, retest])
+            .args(["--limits", &limits, "--axis", "x"])
+            .output()
+            .unwrap();
         (out.status.code().unwrap(), String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap())
     };
     let (status, _, said) = verify(&found.join("unit.cal.json"), &found.join("log.parquet"));

@@ -58,14 +58,16 @@ fn odd_records_end_with_words() {
     };
     let rows: String = (1..=1000).map(|k| format!("{k},7.123\n")).collect();
     fs::write(at("constant.csv"), format!("time_s,rate_dph\n{rows}")).unwrap();
-    assert!(run(&["allan", &at("constant.csv"), "--report", &at("constant.html")]).contains("all its rows are alike"));
+    assert!(
+        run(&["allan", "-v", &at("constant.csv"), "--report", &at("constant.html")]).contains("all its rows are alike")
+    );
     fs::write(at("two.csv"), "time_s,rate_dph\n1,5\n2,6\n").unwrap();
-    let two = run(&["allan", &at("two.csv"), "--json"]);
+    let two = run(&["allan", "-v", &at("two.csv"), "--json"]);
     let object: Value = serde_json::from_str(&two).unwrap();
     assert!(object["axes"][0]["curve"][0]["lower_dph"].is_null(), "one difference has no interval: {two}");
     let curve = "\u{feff}# made elsewhere\ntau_s,adev_dph_x,adev_dph_y\n1,0.2,\n2,0.1,\n4,0.05,\n";
     fs::write(at("curve.csv"), curve).unwrap();
-    let said = run(&["allan", &at("curve.csv"), "--report", &at("curve.html"), "-o", &at("again.csv")]);
+    let said = run(&["allan", "-v", &at("curve.csv"), "--report", &at("curve.html"), "-o", &at("again.csv")]);
     assert!(said.contains("quantization Q") && said.contains("0.115"), "Q = 0.2/√3: {said}");
     assert!(!said.contains("e-"), "a rounding is no term: {said}");
 }
@@ -80,8 +82,9 @@ fn disturbed_rows_are_named_and_both_figures_shown() {
         let rate = |k: u32| f64::from(k * 7919 % 1009) / 504.5 + if k % 1000 == 500 { 40.0 } else { 9.0 };
         let rows: String = (1..=4000).map(|k| format!("{k},{}\n", rate(k))).collect();
         fs::write(at("log.csv"), format!("time_s,rate_dph\n{rows}")).unwrap();
-        let out = sagnac().args(["allan", &at("log.csv"), "--report", &at("log.html")]).assert().success();
-        let json = sagnac().args(["allan", &at("log.csv"), "--json"]).assert().success().get_output().stdout.clone();
+        let out = sagnac().args(["allan", "-v", &at("log.csv"), "--report", &at("log.html")]).assert().success();
+        let json =
+            sagnac().args(["allan", "-v", &at("log.csv"), "--json"]).assert().success().get_output().stdout.clone();
         let object: Value = serde_json::from_slice(&json).unwrap();
         let text = |bytes: &[u8]| String::from_utf8(bytes.to_vec()).unwrap();
         (text(&out.get_output().stdout), text(&out.get_output().stderr), object["axes"][0]["disturbed"].clone())
@@ -100,7 +103,7 @@ fn disturbed_rows_are_named_and_both_figures_shown() {
     let many = |k: u32| if k % 100 == 50 { 40.0 } else { 9.0 };
     let rows: String = (1..=4000).map(|k| format!("{k},{}\n", f64::from(k * 7919 % 1009) / 504.5 + many(k))).collect();
     fs::write(at("many.csv"), format!("time_s,rate_dph\n{rows}")).unwrap();
-    let out = sagnac().args(["allan", &at("many.csv")]).assert().success().get_output().clone();
+    let out = sagnac().args(["allan", "-v", &at("many.csv")]).assert().success().get_output().clone();
     let (said, warned) = (String::from_utf8(out.stdout).unwrap(), String::from_utf8(out.stderr).unwrap());
     assert!(said.contains("40 rows are far") && said.contains("the figures are with them; without them: "), "{said}");
     assert!(warned.contains("too many to exclude"), "{warned}");

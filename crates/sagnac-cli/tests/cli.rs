@@ -98,7 +98,8 @@ fn the_main_job_ends_with_a_proof() {
 fn limits_not_met_is_status_1_and_says_which() {
     let bench = Bench::new();
     let limits = bench.write("limits.toml", "improvement_min = 100.0\n");
-    let ran = run(&["verify", &bench.path("unit.cal.json"), &testdata("chamber/cycle-3.csv.gz"), "--limits", &limits]);
+    let ran =
+        run(&["verify", "-v", &bench.path("unit.cal.json"), &testdata("chamber/cycle-3.csv.gz"), "--limits", &limits]);
     assert_eq!(ran.status, 1);
     assert!(ran.out.contains("LIMITS NOT MET") && ran.out.contains("improvement_min"), "{}", ran.out);
 }
@@ -382,7 +383,7 @@ fn counts_of_a_standing_vehicle_are_described_and_have_no_random_walk() {
     let ran = run(&["inspect", &log]);
     assert!(ran.status == 0 && ran.out.contains("counts, quantum 1, axes x y z, no thermometer"), "{}", ran.out);
     assert!(ran.out.contains("--arcsec-per-count") && !ran.out.contains("°/h of"), "{}", ran.out);
-    let ran = run(&["allan", &log]);
+    let ran = run(&["allan", "-v", &log]);
     assert!(ran.status == 2 && ran.err.contains("never guessed"), "{}", ran.err);
     let size = ["--arcsec-per-count", "0.1"];
     let (status, object) = json(&[&["inspect", &log][..], &size, &["--json"]].concat());
@@ -393,7 +394,7 @@ fn counts_of_a_standing_vehicle_are_described_and_have_no_random_walk() {
     assert!((z - 8.410).abs() < 0.001, "{z}");
     let ran = run(&[&["calibrate", &log][..], &size].concat());
     assert!(ran.status == 3 && ran.err.contains("no temperature"), "{}", ran.err);
-    let ran = run(&[&["allan", &log][..], &size].concat());
+    let ran = run(&[&["allan", "-v", &log][..], &size].concat());
     assert_eq!(ran.status, 0, "{}", ran.err);
     assert_eq!(ran.out.matches("not resolvable\n").count(), 15, "{}", ran.out);
     let why = "where N would dominate, the slope is";

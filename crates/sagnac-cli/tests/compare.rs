@@ -73,7 +73,7 @@ fn compare_holds_what_changed_against_limits() {
         .unwrap();
     let run = |records: &[String], page: &str| {
         let mut command = sagnac();
-        command.arg("compare").args(records).args(["--limits", &limits, "--json", "--report", page]);
+        command.args(["compare", "-v"]).args(records).args(["--limits", &limits, "--json", "--report", page]);
         command.output().unwrap()
     };
     let [a, b, c, page] = ["0.cal.json", "1.cal.json", "2.cal.json", "page.html"].map(at);
@@ -108,7 +108,7 @@ fn compare_says_what_changed() {
     let fit = [&["calibrate", &log], &flags[..], &["--model", "bias 3", "--window", "200", "-o", &other]].concat();
     sagnac().args(fit).assert().success();
     let text = |args: &[&str]| {
-        let out = sagnac().arg("compare").args(args).output().unwrap();
+        let out = sagnac().args(["compare", "-v"]).args(args).output().unwrap();
         String::from_utf8(out.stdout).unwrap()
     };
     let said = text(&[&a, &other]);
@@ -122,7 +122,7 @@ fn compare_says_what_changed() {
     }
     assert!(!text(&[&a, &a]).contains(" → "), "{said}");
     // The third record's slope is higher: farthest from the reference the difference is largest.
-    let out = sagnac().args(["compare", &a, &c, "--json", "--report", &page]).output().unwrap();
+    let out = sagnac().args(["compare", "-v", &a, &c, "--json", "--report", &page]).output().unwrap();
     let object: Value = serde_json::from_slice(&out.stdout).unwrap();
     let curve = &object["axes"][0]["curves"][0];
     let celsius: Vec<f64> = curve["temperatures_c"].as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect();

@@ -447,7 +447,7 @@ fn the_prior_of_a_fleet_is_that_of_its_units() {
     assert_eq!(status, 1, "one of the two is refused");
     let refused = fs::read_to_string(it.path("next-fleet/units/RLG-98.json")).unwrap();
     assert!(refused.contains("not of this fleet") && refused.contains("give it the full test"), "{refused}");
-    let one = ["calibrate", "next/RLG-50/run.csv", "--setup", "bench.toml", "--serial", "RLG-50"];
+    let one = ["calibrate", "-v", "next/RLG-50/run.csv", "--setup", "bench.toml", "--serial", "RLG-50"];
     let with_prior = [&one[..], &["--prior", "fleet.prior.json", "-o", "alone.cal.json"]].concat();
     let (status, said, _) = it.run(&with_prior);
     assert!(status == 0 && said.contains("prior of 24 axes: the test determines"), "{said}");
@@ -507,7 +507,10 @@ fn the_report_names_what_is_wrong() {
     assert_eq!(it.fleet("manifest.csv", "fleet", &["--limits", "paper"]).0, 1);
     let (status, said, _) = it.run(&["fleet", "report", "fleet", "--report", "fleet.html"]);
     assert_eq!(status, 0, "{said}");
-    assert!(said.contains("all lots: 36 of 37 units calibrated") && said.contains("odd: RLG-11 x, bias 2"), "{said}");
+    assert!(
+        said.contains("all lots: 36 of 37 units calibrated") && said.contains("outlier: RLG-11 x, bias 2"),
+        "{said}"
+    );
     assert!(said.contains("rig rig-1: rate at T0 differs by"), "{said}");
     assert!(!said.contains("rig rig-0") && !said.contains("rig rig-2"), "{said}");
     let page = fs::read_to_string(it.path("fleet.html")).unwrap();

@@ -3,6 +3,7 @@
 mod acceptance;
 mod allan;
 mod bench;
+mod brief;
 mod cli;
 mod compare;
 mod controls;

@@ -50,7 +50,7 @@ fn the_report_of_a_day_is_small_and_always_the_same() {
 fn terminal_and_page_have_the_same_notes() {
     let folder = TempDir::new().unwrap();
     let data = |name: &str| format!("{}/../../testdata/chamber/{name}", env!("CARGO_MANIFEST_DIR"));
-    let args = ["calibrate", &data("cycle-1.csv.gz"), "--setup", &data("bench.toml"), "--model", "bias 0"];
+    let args = ["calibrate", "-v", &data("cycle-1.csv.gz"), "--setup", &data("bench.toml"), "--model", "bias 0"];
     let ran = Sagnac::cargo_bin("sagnac")
         .unwrap()
         .current_dir(folder.path())

@@ -8,8 +8,13 @@ use tempfile::TempDir;
 
 /// What a person sees of a command on a terminal with so many columns, and its exit status.
 fn on_a_terminal(folder: &Path, columns: usize, arguments: &str) -> String {
+    on_a_terminal_with(folder, columns, "", arguments)
+}
+
+/// The same behind `env …`.
+fn on_a_terminal_with(folder: &Path, columns: usize, environment: &str, arguments: &str) -> String {
     let program = env!("CARGO_BIN_EXE_sagnac");
-    let line = format!("stty cols {columns} rows 40; {program} {arguments}");
+    let line = format!("stty cols {columns} rows 40; {environment} {program} {arguments}");
     let output = Command::new("script")
         .args(["-qefc", &line, "/dev/null"])
         .current_dir(folder)
@@ -94,4 +99,28 @@ fn the_short_help_of_a_command_fits_a_screen() {
         let all = on_a_terminal(folder.path(), 100, &format!("{command} --help"));
         assert!(all.lines().count() == short.lines().count() || short.contains("see more with '--help'"), "{command}");
     }
+}
+
+/// A verdict has a colour unless NO_COLOR is set; a locale without UTF-8 gets ASCII, a file and a pipe neither.
+#[test]
+fn a_verdict_is_in_colour_and_plain_where_the_terminal_is() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    for name in ["cycle-1.csv.gz", "cycle-3.csv.gz", "bench.toml", "limits.toml"] {
+        std::fs::copy(chamber(name), at.join(name)).unwrap();
+    }
+    on_a_terminal(at, 100, "calibrate cycle-1.csv.gz --setup bench.toml --model 'bias 3, rate 0' -o a.json");
+    let verify = "verify a.json cycle-3.csv.gz --limits limits.toml";
+    let coloured = on_a_terminal_with(at, 100, "env -u NO_COLOR LC_ALL=C.UTF-8", verify);
+    assert!(
+        coloured.contains("RLG-0001: \u{1b}[1;32mACCEPTED\u{1b}[0m - 3 limits met") && coloured.contains('…'),
+        "{coloured}"
+    );
+    let plain = on_a_terminal_with(at, 100, "env LC_ALL=C", verify);
+    assert!(plain.contains("RLG-0001: ACCEPTED - 3 limits met") && plain.contains("<= 1.10"), "{plain}");
+    assert!(plain.is_ascii() && !plain.contains('\u{1b}'), "{plain}");
+    let piped =
+        assert_cmd::Command::cargo_bin("sagnac").unwrap().current_dir(at).args(verify.split(' ')).output().unwrap();
+    let piped = String::from_utf8(piped.stdout).unwrap();
+    assert!(piped.contains("≤ 1.10") && !piped.contains('\u{1b}'), "{piped}");
 }

@@ -81,9 +81,9 @@ impl Brief {
         self.say_verdict(console);
         if !self.body.is_empty() {
             console.say("");
-            self.body.iter().for_each(|line| console.say(line));
+            self.body.iter().for_each(|line| console.say_within(line, MOST_COLUMNS));
         }
-        let body: usize = self.body.iter().map(|line| line.lines().count()).sum();
+        let body: usize = self.body.iter().map(|line| wrapped(line, Some(MOST_COLUMNS)).split('\n').count()).sum();
         let room = MOST_LINES.saturating_sub(1 + body + usize::from(body > 0) + self.last.len());
         if !self.remarks.is_empty() && room > 2 {
             console.say("");

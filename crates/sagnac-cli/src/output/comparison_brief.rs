@@ -2,13 +2,13 @@
 
 use sagnac::compare::{ComparedAxis, Comparison};
 use sagnac::verify::{Judged, Verdict};
-use sagnac_units::format::{significant, unit};
+use sagnac_units::format::{counted, file_name, significant, unit};
 
 use crate::output::brief::{Brief, Remark};
 use crate::output::terminal::Tone;
 
 /// Lines of changes, and of limits.
-const SHOWN: usize = 5;
+const SHOWN: usize = 4;
 
 /// With what was written.
 pub(crate) fn comparison_brief(comparison: &Comparison, wrote: &[String]) -> Brief {
@@ -20,19 +20,25 @@ pub(crate) fn comparison_brief(comparison: &Comparison, wrote: &[String]) -> Bri
         (
             "ACCEPTED",
             Tone::Good,
-            format!("{asked} limits met by the changes between {} records", comparison.records.len()),
+            format!(
+                "{} met by the changes between {} records",
+                counted(asked, "limit", "limits"),
+                comparison.records.len()
+            ),
         )
     } else if all.not_met == 0 && all.not_decided > 0 && comparison.shared_logs.is_empty() {
         ("NOT DECIDED", Tone::Open, format!("{} of {asked} limits; longer tests would", all.not_decided))
     } else {
         ("NOT ACCEPTED", Tone::Bad, why_not(comparison, all, asked))
     };
-    let changes = comparison.axes.iter().flat_map(|axis| changes(axis, comparison));
+    let changes = comparison.axes.iter().flat_map(changes);
     let limits = comparison.axes.iter().flat_map(|axis| {
         let bad = axis.limits.iter().filter(|limit| limit.pass == Some(false));
         bad.map(|limit| limit_line(axis.axis, limit))
     });
-    let body: Vec<String> = changes.take(SHOWN).chain(limits.take(SHOWN)).collect();
+    let limits: Vec<String> = limits.collect();
+    let more = (limits.len() > SHOWN).then(|| format!("     {} more limits: -v", limits.len() - SHOWN));
+    let body: Vec<String> = changes.take(SHOWN).chain(limits.into_iter().take(SHOWN)).chain(more).collect();
     let wrote = (!wrote.is_empty()).then(|| format!("wrote {}      ", wrote.join(", "))).unwrap_or_default();
     Brief {
         of: comparison.serial.clone(),
@@ -58,15 +64,15 @@ fn why_not(comparison: &Comparison, all: Judged, asked: usize) -> String {
 }
 
 /// The largest change of each curve, and the numbers that are apart.
-fn changes(axis: &ComparedAxis, comparison: &Comparison) -> Vec<String> {
+fn changes(axis: &ComparedAxis) -> Vec<String> {
     let of_curves = axis.curves.iter().filter_map(|curve| {
         let largest = |record: &Vec<[f64; 2]>| record.iter().map(|[value, _]| value.abs()).fold(0.0, f64::max);
         let change = curve.differences.iter().map(largest).fold(0.0, f64::max);
-        let disagrees = if curve.disagrees() { "changed" } else { "unchanged within the noise" };
-        let place = curve.worst.as_ref().map(|worst| {
-            let record = comparison.records.get(worst.record).map_or("", |(name, _)| name.as_str());
-            format!("; {record} is {} σ from the mean at {:.0} °C", significant(worst.sigmas, 2), worst.temperature_c)
-        });
+        let disagrees = if curve.disagrees() { "changed" } else { "unchanged within noise" };
+        let place = curve
+            .worst
+            .as_ref()
+            .map(|worst| format!(", {} σ at {:.0} °C", significant(worst.sigmas, 2), worst.temperature_c));
         let name = format!("axis {}: {} {disagrees}", axis.axis, curve.quantity);
         let size = if change > 0.0 {
             format!(", by up to {} {}", significant(change, 2), unit(&curve.unit))
@@ -82,8 +88,7 @@ fn changes(axis: &ComparedAxis, comparison: &Comparison) -> Vec<String> {
 
 fn limit_line(axis: char, limit: &Verdict) -> String {
     let mark = if limit.undecided_hours.is_some() { "open" } else { "FAIL" };
-    let remark = limit.remark().map_or(String::new(), |remark| format!(" ({remark})"));
-    format!("{mark} axis {axis}: {} {}, limit {}{remark}", limit.name, limit.value_text(), significant(limit.limit, 3))
+    format!("{mark} axis {axis}: {} {}, limit {}", limit.name, limit.value_text(), significant(limit.limit, 3))
 }
 
 fn remarks(comparison: &Comparison) -> Vec<Remark> {
@@ -97,7 +102,7 @@ fn remarks(comparison: &Comparison) -> Vec<Remark> {
     let untested = (!missing.is_empty())
         .then(|| Remark::warning(format!("axis {} is not in every record and not compared", missing.join(", "))));
     let changes = comparison.changes.iter().map(|change| {
-        let record = comparison.records.get(change.record).map_or("", |(name, _)| name.as_str());
+        let record = comparison.records.get(change.record).map_or(String::new(), |(name, _)| file_name(name));
         Remark::note(format!("{record}: {}", change.words()))
     });
     shared.into_iter().chain(untested).chain(changes).collect()

@@ -1,7 +1,7 @@
 //! A verification in short: one verdict for the unit, limits as rows and axes as columns, and the gain.
 
 use sagnac::verify::{AxisVerification, Bound, DecisionRule, Judged, LimitSpec, SPECS, Verdict, Verification};
-use sagnac_units::format::{significant, unit, with_sigma};
+use sagnac_units::format::{counted, significant, unit, with_sigma};
 
 use crate::output::brief::{Brief, Remark};
 use crate::output::terminal::{Tone, lines_of};
@@ -43,13 +43,24 @@ fn verdict(verification: &Verification) -> (&'static str, Tone, String) {
     let axes = &verification.axes;
     let total = Judged::of(axes.iter().flat_map(|axis| &axis.limits));
     let asked = total.met + total.not_met + total.not_decided;
-    let per_axis = |count: fn(Judged) -> usize, word: &str| {
-        let of_axis = |axis: &AxisVerification| {
-            let Judged { met, not_met, not_decided, .. } = judged(axis);
-            let n = count(judged(axis));
-            (n > 0).then(|| format!("axis {} {word} {n} of {} limits", axis.axis, met + not_met + not_decided))
-        };
-        axes.iter().filter_map(of_axis).collect::<Vec<_>>().join(", ")
+    let most = axes.iter().map(|axis| judged(axis)).map(|j| j.met + j.not_met + j.not_decided).max().unwrap_or(0);
+    let all = counted(most, "limit", "limits");
+    // `axes x, z miss 1 of 7 limits`; `axis x misses 2, axis z 1 of 7 limits`.
+    let per_axis = |count: fn(Judged) -> usize, [one, several]: [&str; 2]| {
+        let bad: Vec<(char, usize)> =
+            axes.iter().map(|axis| (axis.axis, count(judged(axis)))).filter(|(_, n)| *n > 0).collect();
+        let letters: Vec<String> = bad.iter().map(|(axis, _)| axis.to_string()).collect();
+        match bad.as_slice() {
+            [] => String::new(),
+            [(axis, n)] => format!("axis {axis} {one} {n} of {all}"),
+            [(_, n), rest @ ..] if rest.iter().all(|(_, other)| other == n) => {
+                format!("axes {} {several} {n} of {all}", letters.join(", "))
+            }
+            [(axis, n), rest @ ..] => {
+                let more: Vec<String> = rest.iter().map(|(axis, n)| format!("axis {axis} {n}")).collect();
+                format!("axis {axis} {one} {n}, {} of {all}", more.join(", "))
+            }
+        }
     };
     let not = |why: String| ("NOT ACCEPTED", Tone::Bad, why);
     if axes.iter().all(|axis| axis.pass.is_none()) {
@@ -60,13 +71,17 @@ fn verdict(verification: &Verification) -> (&'static str, Tone, String) {
         return not("the calibration was made from this log".to_owned());
     }
     if total.not_met > 0 {
-        return not(per_axis(|judged| judged.not_met, "misses"));
+        return not(per_axis(|judged| judged.not_met, ["misses", "miss"]));
     }
     if total.not_decided > 0 {
         let hours = axes.iter().flat_map(|axis| &axis.limits).filter_map(|limit| limit.undecided_hours);
         let longest = hours.fold(0.0, f64::max);
         let more = if longest < 1000.0 { format!("; {} more hours would", longest.ceil()) } else { String::new() };
-        return ("NOT DECIDED", Tone::Open, per_axis(|judged| judged.not_decided, "leaves open") + &more);
+        return (
+            "NOT DECIDED",
+            Tone::Open,
+            per_axis(|judged| judged.not_decided, ["leaves open", "leave open"]) + &more,
+        );
     }
     if !verification.untested_axes.is_empty() {
         let missing: Vec<String> = verification.untested_axes.iter().map(char::to_string).collect();
@@ -75,7 +90,7 @@ fn verdict(verification: &Verification) -> (&'static str, Tone, String) {
     let bias = axes.iter().flat_map(|axis| &axis.limits);
     let blind = bias.filter(|limit| limit.name == "bias_repeatability_dph_max").any(|limit| limit.pass.is_none());
     let blind = if blind { "; the fixed bias is NOT judged" } else { "" };
-    let met = format!("{asked} limits met{blind}");
+    let met = format!("{} met{blind}", counted(asked, "limit", "limits"));
     match verification.training_unknown {
         true => (
             "LIMITS MET",
