@@ -274,7 +274,7 @@ fn hadamard_chart(axis: &AxisBudget) -> Option<Chart> {
         id: format!("hadamard-{}", axis.axis),
         group: "tau".to_owned(),
         title: format!("Does a steady ramp of the rate make the long end, axis {}?", axis.axis),
-        caption: "The Hadamard deviation does not see a steady ramp: where it stays below the Allan deviation at long τ, one is there.".to_owned(),
+        caption: "The Hadamard deviation does not see a steady ramp. Rate random walk alone brings it to 0.71 of the Allan deviation: only where it is well below that does a ramp make the difference.".to_owned(),
         x_label: "averaging time τ, s".to_owned(),
         y_label: "deviation, °/h".to_owned(),
         curves: vec![curve, beside],

@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use crate::live::seconds::Second;
 
-/// Seconds that are kept one by one.
+/// Seconds that are shown one by one: so many of them, and so many points at most.
 const MOST_SECONDS: usize = 600;
 /// Means of the whole; when there are more, two become one.
 const MOST_MEANS: usize = 1440;
@@ -84,10 +84,11 @@ impl Trend {
         self.open.seconds += 1;
         add(&mut self.open.rates, &point.rates_dph);
         add(&mut self.open.temperatures, &point.temperatures_c);
-        if self.seconds.len() == MOST_SECONDS {
+        let from_s = point.t_s - MOST_SECONDS as f64;
+        self.seconds.push_back(point);
+        while self.seconds.len() > MOST_SECONDS || self.seconds.front().is_some_and(|first| first.t_s <= from_s) {
             self.seconds.pop_front();
         }
-        self.seconds.push_back(point);
     }
 
     fn close(&mut self) {
@@ -160,5 +161,16 @@ mod tests {
             assert!((point.temperatures_c[0].unwrap() - point.t_s).abs() < 2.0, "{point:?}");
         }
         assert_eq!(trend.temperature_rates_cpm(), [Some(60.0)]);
+    }
+
+    /// Rows of 5 s: the last ten minutes are 120 points, not 600 rows.
+    #[test]
+    fn the_last_minutes_are_minutes_whatever_the_rows_are() {
+        let mut trend = Trend::default();
+        for row in 0..1000 {
+            trend.push(&Second { t_s: f64::from(row) * 5.0, ..Second::default() });
+        }
+        let shown = trend.seconds();
+        assert_eq!((shown.len(), shown[0].t_s), (120, 4400.0));
     }
 }

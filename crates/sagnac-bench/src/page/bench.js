@@ -217,7 +217,9 @@
       delete came.points;
       Object.assign(state, came);
       const last = state.seconds.length ? state.seconds[state.seconds.length - 1].t_s : -1;
-      state.seconds = state.seconds.concat(points.filter((p) => p.t_s > last)).slice(-600);
+      const all = state.seconds.concat(points.filter((p) => p.t_s > last));
+      const from = all.length ? all[all.length - 1].t_s - 600 : 0;
+      state.seconds = all.filter((p) => p.t_s > from).slice(-600);
       // The means of the whole come with the state; they are fetched before the seconds no longer reach back to them.
       const end = state.means.length ? state.means[state.means.length - 1].t_s : 0;
       const gap = state.seconds.length ? state.seconds[0].t_s - end : 0;

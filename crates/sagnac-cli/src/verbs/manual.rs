@@ -122,9 +122,12 @@ const EXIT_STATUS: &str = "
 Exit status: 0 done (verify: passed, or no limits given), 1 limits not met, 2 bad usage or input, 3 refused because the data
 cannot support the answer, 130 after Ctrl-C. [errors.md](errors.md) lists the messages.
 
+Every command takes `-v` (everything) and `-q` (errors alone). The short result of `calibrate`, `verify`, `allan`, `compare` and `fleet report` fits 15 lines of
+100 columns for up to three axes; long messages wrap there. A verdict has a colour on a terminal without `NO_COLOR`.
+
 With `--json` one object goes to standard output and the text to standard error; an error is
 `{\"refused\", \"reason\", \"place\": {\"file\", \"line\", \"column\", \"value\"}, \"help\"}`; only errors in flags are always text. A read that
-takes over a second shows its progress, only on a terminal. Only the help is coloured, on a terminal without `NO_COLOR`. Files are replaced
+takes over a second shows its progress, only on a terminal. Files are replaced
 whole or not at all. If the reader of a pipe closes it, the program ends without a message.
 ";
 
@@ -168,7 +171,10 @@ fn section(command: &mut Command, heading: &str) -> String {
         about.trim(),
         usage.trim()
     );
-    let mut arguments = command.get_arguments().filter(|arg| arg.get_id() != "help" && !is_setup(arg)).peekable();
+    let mut arguments = command
+        .get_arguments()
+        .filter(|arg| arg.get_id() != "help" && !arg.is_global_set() && !is_setup(arg))
+        .peekable();
     if arguments.peek().is_some() {
         out += "\n| argument | |\n|---|---|\n";
     }
