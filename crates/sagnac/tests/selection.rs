@@ -1,4 +1,4 @@
-//! Why `auto` takes orders one by one, and zones apart: the selection alone, on exact estimates. `docs/explanation/selection.md` quotes these.
+//! Why `auto` takes orders one by one, and zones apart: the selection alone, on exact estimates. `docs/explanation/evidence.md` quotes these.
 
 use crate::hostile;
 use crate::hostile::curves::AT_C;
@@ -62,7 +62,7 @@ fn of_selection(runs: usize, powers: [f64; 3], selects: Selects) -> (f64, f64) {
 }
 
 /// Why `auto` takes orders one by one, although the second and third together would hold the error of a weak cubic within 1.15: a curve of
-/// first or second order would pay for it. The selection alone, on exact estimates; `docs/explanation/selection.md` quotes these.
+/// first or second order would pay for it. The selection alone, on exact estimates; `docs/explanation/evidence.md` quotes these.
 #[test]
 fn orders_in_pairs_hold_a_cubic_and_lose_the_others() {
     let (linear, quadratic, cubic) = ([0.02, 0.0, 0.0], [0.02, -0.008, 0.0], [0.02, -0.008, 0.01]);
@@ -153,7 +153,7 @@ fn with_handicap(runs: usize, truth: fn(f64) -> f64, true_model: [usize; 2], han
 type Case = (usize, fn(f64) -> f64, [usize; 2], [(f64, f64); 4]);
 
 /// Why `auto` does not grade zones with the orders: what a curve with a knot gains, curves of an order lose, at every handicap. The selection
-/// alone, on exact windows; `docs/explanation/selection.md` quotes these.
+/// alone, on exact windows; `docs/explanation/evidence.md` quotes these.
 #[test]
 fn zones_among_the_orders_hold_a_knot_and_lose_the_others() {
     let knot = |u: f64| 0.03 * u + 0.05 * u.max(0.0).powi(2);

@@ -3,7 +3,7 @@
 //! generator that shares no code with the program.
 //!
 //! Asked of each: coverage 0.90 … 0.98, error at most 1.15 of the true model's, a term too many in at most 0.05. The bound of the
-//! error is wider, because no selection keeps it (`docs/explanation/selection.md`); intervals may be too wide, never too narrow; 0.08 is
+//! error is wider, because no selection keeps it (`docs/explanation/evidence.md`); intervals may be too wide, never too narrow; 0.08 is
 //! above 0.05 by what 300 records scatter.
 
 use crate::hostile::curves::{Truth, error_ratio, shown, useless};
