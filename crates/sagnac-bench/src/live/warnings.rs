@@ -1,7 +1,7 @@
 //! What is wrong with a test while it can still be mended.
 //!
 //! Each rule looks at minutes ([`crate::live::minutes`]) and says what it sees, since when, and what to look at. A warning ends when its rule no
-//! longer holds. `docs/explanation/live-bench.md` has each rule with the time in which a simulated fault must raise it.
+//! longer holds. `docs/how-to/live-bench.md` has each rule with the time in which a simulated fault must raise it.
 //!
 //! Fails for what leaves no sign in minutes: a lone thermometer that is slowly wrong, an axis whose scale factor was typed wrong.
 
