@@ -138,7 +138,7 @@ def main() -> None:
     figure("million ticks a second", rate / 1e6, 100.0)
     print(f"\n`Compensator.run`: {rate / 1e6:.0f} million ticks a second on one core (to reach: 100).")
     added = ", ".join(f"{name} {figure(f'MiB beside {name}', added_mib(name), 64.0, False):.0f}" for name in TABLES)
-    print(f"Memory that `calibrate` adds beside the table, MiB: {added} (to reach: 64).")
+    print(f"Memory that `calibrate` adds to that of the table, MiB: {added} (to reach: 64).")
     print(f"Import: {figure('ms of an import', import_ms(), 100.0, False):.0f} ms (to reach: 100).\n")
     print(f"Missed: {', '.join(missed)}." if missed else "Every figure is reached.")
     print(

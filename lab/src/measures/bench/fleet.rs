@@ -71,7 +71,7 @@ pub(super) fn measure_fleet(bench: &Bench, page: &mut String) -> Result<()> {
     let _ = writeln!(
         page,
         "\n**{:.1} units a second on two cores, {:.1} on one; {:.2} and {:.2} times as fast as the loop, pair by pair; {:.2} times the time of DuckDB's bare sums** (asked: no \
-         slower than the loop, 1.2). {} units take {:.1} a second with {:.1} MiB in place of {:.1}.",
+         slower than the loop, 1.2). {} units take {:.1} a second with {:.1} MiB instead of {:.1}.",
         rate(two.ours().seconds, UNITS),
         rate(one.ours().seconds, UNITS),
         median(&two.ratios()),

@@ -60,7 +60,7 @@ print(log.shape, log['counts'].sum())
 
 /// By `perf` on the 10-million-row CSV; updated by hand.
 const WHERE_THE_TIME_GOES: &str = "
-The targets are missed. Of some 0.7 s of processor time on two cores a quarter goes to
+The targets are missed. Of about 0.7 s of processor time on two cores a quarter goes to
 fields; a sixth to SHA-256; an eighth to the kernel, most of it copies of the file; a quarter to checks, the sketch of the rows, sums and
 short-τ deviations; a fifth to the fit with its noise and nuisance models, which the others do not do. Even times and repeated temperatures
 are recognised by their text, without reading digits; fields are read column by column; stretches without faults are not copied; windows are
