@@ -272,7 +272,7 @@ impl Compensator {
     /// from it. Inputs start again: SETTLING, and UNCORRECTED until all of them have a valid value. A warm-up is over, as in
     /// [`State::warm`].
     ///
-    /// **SAG-CORE-020** A new image takes over remainder and increment; its inputs settle anew, and an update is due.
+    /// **SAG-CORE-020** A new image takes over remainder and increment; its inputs settle again, and an update is due.
     pub fn migrate_state(&self, old: &State) -> State {
         let bound = self.image.description().increment_bound();
         let increment = old.increment.max(-bound).min(bound);

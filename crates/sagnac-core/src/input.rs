@@ -188,7 +188,7 @@ impl InputSpec {
 impl LagSpec {
     /// Longest hold after which the filter goes on, slow updates: an eighth of τ, 1/(8α).
     ///
-    /// **SAG-CORE-004** After a hold of more than an eighth of τ, and after a step, the lag begins anew at the value, and
+    /// **SAG-CORE-004** After a hold of more than an eighth of τ, and after a step, the lag restarts at the value, and
     /// SETTLING stands until it has settled.
     pub fn longest_hold_updates(&self) -> u32 {
         let eighth = 1_u64.checked_shl(u32::from(self.alpha_shift).saturating_sub(HOLD_SHIFT)).unwrap_or(0);

@@ -113,7 +113,7 @@ pub(super) fn records(by: &Good) -> Result<Vec<Case>> {
             .file("unit.img", good_image)
             .file("log.csv", header("time_s,temperature_c,counts_y"))
             .place("log.csv"),
-        case("log in place of a correction", "verify log.csv log.csv").file("log.csv", good()).place("log.csv"),
+        case("log instead of a correction", "verify log.csv log.csv").file("log.csv", good()).place("log.csv"),
         case("table of windows", "calibrate w.csv -o out.json")
             .file("w.csv", "run,start_ns,end_ns,duration_ns,samples,first_line,reference_dps\n0,0,100,100,1,2,\n")
             .place("w.csv"),

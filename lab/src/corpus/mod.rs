@@ -255,7 +255,7 @@ fn text_logs() -> Vec<Case> {
         log("header only", "time_s,temperature_c,counts\n"),
         log("only comments", "# one\n# two\n"),
         log("a single row", "time_s,temperature_c,counts\n1,20,5\n"),
-        log("numbers in place of headers", good().split_once('\n').unwrap().1),
+        log("numbers instead of headers", good().split_once('\n').unwrap().1),
         log("binary noise", noise(100_000)),
         log("zero bytes", vec![0_u8; 5000]),
         endless,

@@ -20,7 +20,7 @@ pub(super) fn noise_budgets(by: &Good) -> Vec<Case> {
         case("tau shorter than a row", "allan log.csv --arcsec-per-count 1 --taus 0.001")
             .file("log.csv", good())
             .place("--taus"),
-        case("calibration in place of a log or curve", "allan unit.cal.json")
+        case("calibration instead of a log or curve", "allan unit.cal.json")
             .file("unit.cal.json", by.record.as_str())
             .place("unit.cal.json"),
         case("--detrend temperature without a thermometer", "allan log.csv --detrend temperature")

@@ -29,7 +29,7 @@ const NOT_IN_HARDWARE: [(&str, &str); 6] = [
 const HEAD: &str = "# Requirements and where they are met
 
 Made by `cargo xtask bless requirements` from the sources; do not edit. Each requirement is stated once, in the documentation of the function of
-`sagnac-core` that meets it. C, Verilog, tests and [vectors](vectors.md) name its number beside their own code. `cargo xtask ci` refuses a requirement
+`sagnac-core` that meets it. C, Verilog, tests and [vectors](vectors.md) name its number next to their own code. `cargo xtask ci` refuses a requirement
 without C, without a test, or without hardware unless a reason is given here, and a number that no requirement has.
 [For those who certify](../explanation/certification.md) says what this table is good for, and what it is not.
 

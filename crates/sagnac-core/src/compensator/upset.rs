@@ -13,7 +13,7 @@ use crate::image::{MAX_INCREMENT, MAX_SCALE};
 impl State {
     /// A checksum of what only a slow update changes. A board keeps it after each slow update and compares it before the next.
     ///
-    /// **SAG-CORE-027** An upset of the state shows before the next slow update; the state then begins anew, and UPSET reports it.
+    /// **SAG-CORE-027** An upset of the state shows before the next slow update; the state then restarts, and UPSET reports it.
     pub fn checksum(&self) -> u32 {
         let flags =
             u32::from(self.slow_status.bits()) | u32::from(self.corrected_once) << 16 | u32::from(self.warm) << 17;

@@ -117,7 +117,7 @@ diagnostics! {
         [default, skip_serializing_if = "Option::is_none"] slow_noise: Option<SlowNoiseTerms>,
         /// The log shows more noise than the setup states, so that intervals go by the log; absent where it does not.
         [default, skip_serializing_if = "std::ops::Not::not"] noise_exceeds_setup: bool,
-        /// Drift in time and warm-up, fitted beside the terms and not corrected; absent where none is justified.
+        /// Drift in time and warm-up, fitted next to the terms and not corrected; absent where none is justified.
         [default, skip_serializing_if = "Vec::is_empty"] time_effects: Vec<TimeEffect>,
         /// What moved together with temperature in the runs; absent where nothing did.
         [default, skip_serializing_if = "Vec::is_empty"] entanglement: Vec<Entanglement>,

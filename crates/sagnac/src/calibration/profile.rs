@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::input::Lag;
 use crate::calibration::uncertainty::CurveSpread;
 
-/// A drift with time, fitted beside the terms so that none of them takes its place. Never part of the correction.
+/// A drift with time, fitted next to the terms so that none of them takes its place. Never part of the correction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[non_exhaustive]
 pub struct TimeEffect {
@@ -42,7 +42,7 @@ impl TimeEffect {
 pub struct WarmUp {
     /// a, its size at power-on, °/h.
     pub value_dph: f64,
-    /// Standard deviation of a beside that of τ; null where nothing was fitted here.
+    /// Standard deviation of a, next to that of τ; null where nothing was fitted here.
     pub sigma_dph: Option<f64>,
     /// τ, s.
     pub tau_s: Lag,

@@ -68,7 +68,7 @@ pub struct Prediction {
     pub window_dph: f64,
 }
 
-/// σ that models beside the selected one add to its curve.
+/// σ that models other than the selected one add to its curve.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[non_exhaustive]
 pub struct CurveSpread {
