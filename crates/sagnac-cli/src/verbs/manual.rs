@@ -146,7 +146,7 @@ place; `compensate` does not write them either. Its text begins with a line `# s
 the same log only if they have the same bytes: an unpacked or converted copy is another log.
 
 The format is recognised by the first bytes, not by the name. A file is a run, or continues the run of the file before
-([runs](../how-to/hourly-files.md)). Rows of binary formats are numbered as lines of the same table in text: the first is line 2. The first
+([runs](../how-to/map-my-csv.md#files-and-runs)). Rows of binary formats are numbered as lines of the same table in text: the first is line 2. The first
 line of text names the columns:
 
 ";
