@@ -1,4 +1,4 @@
-"""The scripts of docs/how-to/python-tables.md, on files of the packages that they use: the record is that of the same rows as CSV."""
+"""The scripts of docs/how-to/python.md, on files of the packages that they use: the record is that of the same rows as CSV."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from conftest import CHAMBER, MODEL, ROOT
 
 import sagnac
 
-PAGE = ROOT / "docs/how-to/python-tables.md"
+PAGE = ROOT / "docs/how-to/python.md"
 #: Each script's folder, in the order of the page.
 FOLDERS = ["matlab-5", "matlab-7.3", "hdf5", "tdms", "mdf", "ardupilot", "ros"]
 
@@ -26,7 +26,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("files")
     log = folder / "log.csv"
     pandas.read_csv(CHAMBER / "cycle-1.csv.gz").to_csv(log, index=False)
-    make = ROOT / "lab/src/formats/make.py"
+    make = ROOT / "lab/src/measures/formats/make.py"
     subprocess.run([sys.executable, os.fspath(make), os.fspath(log), os.fspath(folder)], check=True, capture_output=True)
     ros_bag(pandas.read_csv(log), folder / "ros")
     return folder
