@@ -214,6 +214,10 @@ fn summary<'a>(hidden: &[&'a str], of_name: impl Fn(&str) -> Vec<&'a Verdict>) -
         1 => format!(" ({first})"),
         more => format!(" ({first}, and {} more)", more - 1),
     });
+    if with(1) == hidden.len() {
+        // The verdict says it already.
+        return None;
+    }
     let part = |n: usize, words: &str| (n > 0).then(|| format!("{n} {words}"));
     let parts =
         [part(with(3), "more not met"), part(with(2), "more open"), part(with(1), "met"), part(with(0), "not asked")];
