@@ -87,7 +87,7 @@ pub(crate) fn run(args: &Args) -> Result<bool> {
     let summary = lines.summary();
     say(args.json, &format!("{}\nwrote {}", summary.words(), args.output.join(TABLE).display()));
     if args.json {
-        let text = serde_json::to_string_pretty(&summary).map_err(|e| Error::input(format!("no JSON: {e}")))?;
+        let text = serde_json::to_string_pretty(&summary).map_err(|e| Error::defect(format!("cannot write JSON: {e}")))?;
         let _ = writeln!(std::io::stdout(), "{text}");
     }
     Ok(summary.is_good())
@@ -110,12 +110,11 @@ fn units(source: &str, stores: &Stores) -> Result<Vec<Unit>> {
 fn recipe(args: &Args) -> Result<Recipe> {
     let setup = args.setup.as_deref().map(Setup::read).transpose()?.unwrap_or_default();
     if setup.serial.is_some() {
-        return Err(Error::input("one serial number for all units")
-            .column("serial")
-            .help("take it out: each unit has its name, or the serial number of its own setup"));
+        return Err(Error::input("one serial number for all units", "take it out: each unit has its name, or the serial number of its own setup")
+            .column("serial"));
     }
     let epoch = std::env::var("SOURCE_DATE_EPOCH").ok().filter(|text| !text.is_empty()).map(|text| {
-        text.parse().map_err(|_| Error::input("not a whole number of seconds").column("SOURCE_DATE_EPOCH").value(&text))
+        text.parse().map_err(|_| Error::input("must be whole seconds", "set it to seconds since 1970: SOURCE_DATE_EPOCH=$(date +%s)").column("SOURCE_DATE_EPOCH").value(&text))
     });
     let prior = args.prior.as_deref().map(PriorFile::read).transpose()?;
     let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;

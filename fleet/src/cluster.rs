@@ -126,7 +126,7 @@ async fn answers_of(
         let before = results.before(&unit).filter(|_| !again).map(|before| before.key);
         serde_json::to_string(&Asked { unit, before })
             .map(|text| (*place, text))
-            .map_err(|e| Error::input(format!("cannot send a unit: {e}")))
+            .map_err(|e| Error::defect(format!("cannot send a unit: {e}")))
     };
     let asked: Vec<(usize, String)> = places.iter().map(asked).collect::<Result<_>>()?;
     let pauses = ExponentialBuilder::default()
@@ -141,9 +141,8 @@ async fn answers_of(
         })
         .await
         .map_err(|e| {
-            Error::input(format!("the cluster does not do it: {}", words(&e)))
+            Error::input(format!("the cluster does not do it: {}", words(&e)), "what is done is in the folder; start the scheduler and its executors, and run it again")
                 .value(cluster.url)
-                .help("what is done is in the folder; start the scheduler and its executors, and run it again")
         })
 }
 

@@ -54,9 +54,7 @@ fn main() -> ExitCode {
 fn refused(error: &Error) -> ExitCode {
     let (word, status) = if error.kind == ErrorKind::Refused { ("refused", 3) } else { ("error", 2) };
     eprintln!("{word}: {error}");
-    if let Some(help) = &error.help {
-        eprintln!("help: {help}");
-    }
+    eprintln!("help: {}", error.help);
     ExitCode::from(status)
 }
 
@@ -66,5 +64,5 @@ fn runtime() -> sagnac::Result<tokio::runtime::Runtime> {
         .enable_all()
         .thread_stack_size(sagnac_log::threads::STACK_BYTES)
         .build()
-        .map_err(|e| Error::input(format!("the machine allows no threads for the network: {e}")))
+        .map_err(|e| Error::input(format!("the machine allows no threads for the network: {e}"), "raise the limit of threads (`ulimit -u`)"))
 }

@@ -71,7 +71,7 @@ pub(crate) struct ExecutorArgs {
 }
 
 fn told(e: impl std::fmt::Display) -> Error {
-    Error::input(format!("the engine has ended: {e}"))
+    Error::input(format!("the engine has ended: {e}"), "start it again, and read its log for the cause")
 }
 
 pub(crate) fn scheduler(args: &SchedulerArgs) -> Result<()> {
@@ -111,13 +111,13 @@ pub(crate) fn executor(args: &ExecutorArgs) -> Result<()> {
         .scheduler
         .rsplit_once(':')
         .and_then(|(host, port)| Some((host.to_owned(), port.parse::<u16>().ok()?)))
-        .ok_or_else(|| Error::input("not an address").column("--scheduler").value(&args.scheduler))?;
-    let orders = args.port.checked_add(1).ok_or_else(|| Error::input("no port behind this one").column("--port"))?;
+        .ok_or_else(|| Error::input("not an address", "write it as HOST:PORT, such as --scheduler localhost:50050").column("--scheduler").value(&args.scheduler))?;
+    let orders = args.port.checked_add(1).ok_or_else(|| Error::input("no port follows this one", "give a port below 65535").column("--port"))?;
     let mut functions = BallistaFunctionRegistry::default();
     let memory = match args.memory {
         Some(size) => MemoryBudget::of_bytes(size.as_u64()).ok_or_else(|| {
             let least = bytesize::ByteSize(MemoryBudget::LEAST);
-            Error::input(format!("a unit needs {least} at least")).column("--memory").value(size.to_string())
+            Error::input(format!("a unit needs at least {least}"), format!("set --memory {least} or more")).column("--memory").value(size.to_string())
         })?,
         None => MemoryBudget::default(),
     };

@@ -27,9 +27,9 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<()> {
     let table = if args.fleet.is_dir() { args.fleet.join(TABLE) } else { args.fleet.clone() };
     if !table.is_file() {
-        return Err(Error::input("no table of a fleet").file(table.display().to_string()));
+        return Err(Error::input("there is no table of a fleet", "give the folder that `fleet calibrate` wrote").file(table.display().to_string()));
     }
-    let name = table.to_str().ok_or_else(|| Error::input("a name that is not Unicode"))?;
+    let name = table.to_str().ok_or_else(|| Error::input("the name is not Unicode", "rename the file"))?;
     let batches = crate::runtime()?.block_on(async {
         let context = SessionContext::new();
         context.register_parquet("fleet", name, ParquetReadOptions::default()).await?;
@@ -40,8 +40,8 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             .with_allow_statements(false);
         context.sql_with_options(&args.query, options).await?.collect().await
     });
-    let batches = batches.map_err(|e| Error::input(format!("no answer: {}", e.strip_backtrace())))?;
-    let broken = |e: &dyn std::fmt::Display| Error::input(format!("the answer cannot be shown: {e}"));
+    let batches = batches.map_err(|e| Error::input(format!("the query failed: {}", e.strip_backtrace()), "correct the query: SELECT * FROM fleet LIMIT 5 shows the columns"))?;
+    let broken = |e: &dyn std::fmt::Display| Error::defect(format!("the answer cannot be shown: {e}"));
     if !args.csv {
         let table = pretty_format_batches(&batches).map_err(|e| broken(&e))?;
         // A reader that has gone is no failure.

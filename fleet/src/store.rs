@@ -75,7 +75,7 @@ pub(crate) struct Fetched {
 impl Stores {
     pub(crate) fn new(patience: Patience) -> Result<Self> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-        let runtime = runtime.map_err(|e| Error::input(format!("no thread for the network: {e}")))?;
+        let runtime = runtime.map_err(|e| Error::input(format!("no thread for the network: {e}"), "raise the limit of threads (`ulimit -u`)"))?;
         Ok(Self { patience, runtime, known: Mutex::default() })
     }
 
@@ -91,7 +91,7 @@ impl Stores {
         let store = self.of(bucket)?;
         let keys = self.runtime.block_on(listed(&*store, &prefix, source, self.patience))?;
         if keys.is_empty() {
-            return Err(Error::input("no object of this name or below it").file(source));
+            return Err(Error::input("no object has this name or lies below it", "correct the address: s3://BUCKET/FOLDER/").file(source));
         }
         Ok(keys.iter().map(|key| PathBuf::from(format!("{SCHEME}{bucket}/{key}"))).collect())
     }
@@ -105,7 +105,7 @@ impl Stores {
         if !own.runs.iter().chain(&own.retests).chain(&own.setup).any(|name| is_object(name)) {
             return Ok(Fetched { unit: own, folder: None, names: Vec::new() });
         }
-        let folder = tempfile::tempdir().map_err(|e| Error::input(format!("no folder for the logs: {e}")))?;
+        let folder = tempfile::tempdir().map_err(|e| Error::input(format!("no folder for the logs: {e}"), "free space in the temporary folder, or set TMPDIR"))?;
         let (mut names, mut number) = (Vec::new(), 0);
         for name in own.runs.iter_mut().chain(&mut own.retests).chain(&mut own.setup).filter(|name| is_object(name)) {
             // Its own folder, since a record has the name of a log.
@@ -122,7 +122,7 @@ impl Stores {
 
     /// One object as a file, for a manifest.
     pub(crate) fn fetch_manifest(&self, name: &str) -> Result<(TempDir, PathBuf)> {
-        let folder = tempfile::tempdir().map_err(|e| Error::input(format!("no folder for the manifest: {e}")))?;
+        let folder = tempfile::tempdir().map_err(|e| Error::input(format!("no folder for the manifest: {e}"), "free space in the temporary folder, or set TMPDIR"))?;
         let path = folder.path().join("manifest.csv");
         self.fetch_one(name, &path, MOST_BYTES)?;
         Ok((folder, path))
@@ -157,9 +157,7 @@ impl Stores {
             builder
         };
         let store = builder.build().map_err(|e| {
-            Error::input(format!("the object store cannot be reached as the environment says: {e}")).help(
-                "AWS_ENDPOINT, AWS_REGION, AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY say where it is and who asks",
-            )
+            Error::input(format!("the object store cannot be reached as the environment says: {e}"), "AWS_ENDPOINT, AWS_REGION, AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY say where it is and who asks")
         })?;
         let store: Arc<dyn ObjectStore> = Arc::new(store);
         known.insert(bucket.to_owned(), store.clone());
@@ -174,7 +172,7 @@ async fn listed(store: &dyn ObjectStore, prefix: &Key, source: &str, patience: P
         let mut keys = Vec::new();
         loop {
             let next = tokio::time::timeout(patience.silence(), objects.try_next()).await;
-            let next = next.map_err(|_| Failure::Again(Error::input("the store is silent").file(source)))?;
+            let next = next.map_err(|_| Failure::Again(Error::input("the store is silent", "check the network, and run the command again").file(source)))?;
             match next.map_err(|e| Failure::of(source, &e))? {
                 Some(object) => keys.push(object.location),
                 None => return Ok(keys),
@@ -222,29 +220,29 @@ impl Object<'_> {
             if_match: self.of.as_ref().and_then(|(_, tag)| tag.clone()),
             ..GetOptions::default()
         };
-        let silent = |_| Failure::Again(Error::input("the store is silent").file(self.name));
+        let silent = |_| Failure::Again(Error::input("the store is silent", "check the network, and run the command again").file(self.name));
         let object = tokio::time::timeout(silence, store.get_opts(&self.key, asked)).await.map_err(silent)?;
         let object = object.map_err(|e| Failure::of(self.name, &e))?;
         let size = object.meta.size;
         if size > self.most {
             let what = format!("an object of {size} bytes, and at most {} are read", self.most);
-            return Err(Failure::Final(Error::input(what).file(self.name)));
+            return Err(Failure::Final(Error::input(format!("the object has {size} bytes, and the limit is {}", self.most), "split the log into smaller objects").file(self.name)));
         }
         self.of = Some((size, object.meta.e_tag.clone()));
         let mut pieces = object.into_stream();
         loop {
-            let silent = |_| Failure::Again(Error::input("the store is silent").file(self.name));
+            let silent = |_| Failure::Again(Error::input("the store is silent", "check the network, and run the command again").file(self.name));
             let piece = tokio::time::timeout(silence, pieces.try_next()).await.map_err(silent)?;
             let Some(piece) = piece.map_err(|e| Failure::of(self.name, &e))? else { break };
             let written = self.file.write_all(&piece);
-            written.map_err(|e| Failure::Final(Error::input(format!("no room for the log: {e}")).file(self.name)))?;
+            written.map_err(|e| Failure::Final(Error::input(format!("no room for the log: {e}"), "free space in the temporary folder, or set TMPDIR").file(self.name)))?;
             self.had += piece.len() as u64;
         }
         if self.had == size {
             return Ok(());
         }
         let what = format!("{} bytes of an object of {size}", self.had);
-        Err(Failure::Again(Error::input(what).file(self.name)))
+        Err(Failure::Again(Error::input(format!("the object ended after {} of {size} bytes", self.had), "run the command again").file(self.name)))
     }
 }
 
@@ -290,7 +288,7 @@ impl Failure {
             | object_store::Error::Unauthenticated { .. }
             | object_store::Error::InvalidPath { .. } => Self::Final(what),
             object_store::Error::Precondition { .. } => {
-                Self::Final(Error::input("the object was replaced while it was read").file(name))
+                Self::Final(Error::input("the object was replaced while it was read", "run the command again after the upload").file(name))
             }
             _ => Self::Again(what),
         }
@@ -313,7 +311,7 @@ fn parted(name: &str) -> Result<(&str, &str)> {
     let parts = name.strip_prefix(SCHEME).map(|rest| rest.split_once('/').unwrap_or((rest, "")));
     parts
         .filter(|(bucket, _)| !bucket.is_empty())
-        .ok_or_else(|| Error::input("not the name of an object").file(name).help("such as s3://bucket/prefix"))
+        .ok_or_else(|| Error::input("not the name of an object", "such as s3://bucket/prefix").file(name))
 }
 
 /// What a store said, without what it was asked with.
@@ -325,5 +323,5 @@ fn failed(name: &str, error: &object_store::Error) -> Error {
         }
         error => format!("the store cannot give it: {error}"),
     };
-    Error::input(what).file(name)
+    Error::input(what, "check the name and the credentials of the store").file(name)
 }

@@ -109,8 +109,7 @@ impl Calibration {
     fn behind(&self) -> PyResult<&(Windows, ReportData)> {
         self.behind.as_deref().ok_or_else(|| {
             exception(
-                Error::input("a record that was read has no windows: it holds what was fitted, not the data")
-                    .help("calibrate the runs again"),
+                Error::input("a record that was read has no windows: it holds what was fitted, not the data", "calibrate the runs again"),
             )
         })
     }
@@ -119,7 +118,7 @@ impl Calibration {
         let mut letters = letter.chars();
         match (letters.next(), letters.next()) {
             (Some(letter), None) => self.record.axis(letter).map_err(exception),
-            _ => Err(exception(Error::input("an axis is one letter").column("axis").value(letter))),
+            _ => Err(exception(Error::input("an axis is one letter", "give one letter, such as \"x\"").column("axis").value(letter))),
         }
     }
 
@@ -171,9 +170,8 @@ impl Calibration {
         let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
         let write = || -> Result<()> {
             if let Some((_, path)) = files.iter().zip(&paths).find(|(file, path)| !file.may_replace(path)) {
-                return Err(Error::input("an export would replace this file, which is not its own")
-                    .file(path.display().to_string())
-                    .help("export into an empty folder"));
+                return Err(Error::input("an export would replace this file, which is not its own", "export into an empty folder")
+                    .file(path.display().to_string()));
             }
             for (file, path) in files.iter().zip(&paths) {
                 let above = path.parent().unwrap_or(Path::new("."));
@@ -306,7 +304,7 @@ type Corrected = (Vec<(String, ArrayRef)>, u64, u64);
 /// Corrects a log.
 fn corrected(correction: &Correction, sources: &Sources, setup: &Setup, stop: &crate::work::Stop) -> Result<Corrected> {
     let mut logs = sources.logs(setup, ReadMode::Bulk, stop)?;
-    let mut log = logs.next().ok_or_else(|| Error::input("no log given"))??;
+    let mut log = logs.next().ok_or_else(|| Error::input("no log is given", "give one or more logs"))??;
     let (shape, name) = (log.shape().clone(), log.summary().file);
     let (images, readings) = correction.fit_to(&shape, setup).map_err(|e| e.file(&name))?;
     let mut replay = Replay::new(&images, &shape, readings, &name)?;

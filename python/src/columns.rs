@@ -38,7 +38,7 @@ pub(crate) fn schema_of(columns: &[(String, String)]) -> sagnac::Result<SchemaRe
             "?" => DataType::Boolean,
             "ns" => DataType::Timestamp(TimeUnit::Nanosecond, None),
             "U" => DataType::Utf8,
-            other => return Err(sagnac::Error::input(format!("no kind of column: {other}")).column(name)),
+            other => return Err(sagnac::Error::input(format!("a column cannot be of the kind {other}"), "convert it to numbers, times or text").column(name)),
         };
         Ok(Field::new(name, kind, true))
     };
@@ -61,7 +61,7 @@ impl ColumnParts {
         let columns: PyResult<Vec<ArrayRef>> =
             fields.zip(parts.iter()).map(|(field, part)| array_of(field.data_type(), &part)).collect();
         let batch = RecordBatch::try_new(Arc::clone(&self.schema), columns?);
-        batch.map(Some).map_err(|e| crate::errors::exception(sagnac::Error::input(format!("columns that differ: {e}"))))
+        batch.map(Some).map_err(|e| crate::errors::exception(sagnac::Error::input(format!("the columns differ in length or kind: {e}"), "give columns of one length")))
     }
 }
 
@@ -84,7 +84,7 @@ impl Iterator for ColumnParts {
 
 /// The error of a table whose reading was stopped; what stopped it is raised in its place.
 pub(crate) fn stopped() -> ArrowError {
-    ArrowError::ExternalError(Box::new(sagnac::Error::input("stopped")))
+    ArrowError::ExternalError(Box::new(sagnac::Error::input("stopped", "call it again")))
 }
 
 /// A part is the bytes of its values, or those with a byte a row that is not 0 where there is no value; text is a list, and of a column
@@ -108,7 +108,7 @@ fn array_of(kind: &DataType, part: &Bound<'_, PyAny>) -> PyResult<ArrayRef> {
     let nulls = mask.map(|mask| NullBuffer::from_iter(mask.iter().map(|gone| *gone == 0)));
     let rows = if *kind == DataType::Boolean { bytes.len() } else { bytes.len() / 8 };
     if mask.is_some_and(|mask| mask.len() != rows) {
-        return Err(crate::errors::exception(sagnac::Error::input("a mask of another length than its column")));
+        return Err(crate::errors::exception(sagnac::Error::input("the mask and its column differ in length", "give a mask with one value per row")));
     }
     // numpy's NaT is the least number.
     let known = |ns: Vec<i64>| -> Vec<Option<i64>> {

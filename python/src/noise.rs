@@ -42,7 +42,7 @@ pub(crate) fn allan(
 #[pymethods]
 impl NoiseBudget {
     fn to_json(&self) -> PyResult<String> {
-        let broken = |e: serde_json::Error| exception(sagnac::Error::input(format!("cannot write as JSON: {e}")));
+        let broken = |e: serde_json::Error| exception(sagnac::Error::defect(format!("cannot write JSON: {e}")));
         serde_json::to_string_pretty(&self.0).map(|text| text + "\n").map_err(broken)
     }
 

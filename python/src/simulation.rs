@@ -15,10 +15,9 @@ use crate::work::away;
 pub(crate) fn simulate(py: Python<'_>, toml: String, seed: Option<u64>) -> PyResult<Table> {
     let columns = away(py, move |stop| {
         let refused = |problem: ScenarioError| {
-            let error = Error::input(problem.message.clone());
+            let error = Error::input(problem.message.clone(), "correct the key, docs/reference/scenario.md lists each with its unit and range");
             let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };
-            let error = problem.line.map_or(error.clone(), |line| error.line(line));
-            error.help("docs/reference/scenario.md lists every key with its unit and range")
+            problem.line.map_or(error.clone(), |line| error.line(line))
         };
         let scenario = Scenario::from_toml(&toml).map_err(refused)?;
         let mut run = scenario.build().map_err(refused)?.start(seed.unwrap_or(scenario.seed));
@@ -27,7 +26,7 @@ pub(crate) fn simulate(py: Python<'_>, toml: String, seed: Option<u64>) -> PyRes
         let mut columns: Vec<Vec<Option<f64>>> = vec![Vec::new(); names.len()];
         run.each_row(|row, second| {
             if stop.is_asked() {
-                return Err(Error::input("stopped"));
+                return Err(Error::input("stopped", "call it again"));
             }
             let line = std::str::from_utf8(text.line(row, second)).unwrap_or("");
             columns

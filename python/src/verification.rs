@@ -19,7 +19,7 @@ pub(crate) struct Verification {
 
 /// As the program prints it with `--json`.
 fn json(of: &impl serde::Serialize) -> PyResult<String> {
-    let broken = |e: serde_json::Error| exception(sagnac::Error::input(format!("cannot write as JSON: {e}")));
+    let broken = |e: serde_json::Error| exception(sagnac::Error::defect(format!("cannot write JSON: {e}")));
     serde_json::to_string_pretty(of).map(|text| text + "\n").map_err(broken)
 }
 
@@ -45,7 +45,7 @@ impl Verification {
         let Some(at) = letters.clone().position(|letter| letter == axis) else {
             let help = format!("it has: {}", sagnac::Error::choices(&letters.collect::<Vec<_>>()));
             return Err(exception(
-                sagnac::Error::input("the retest has no such axis").column("axis").value(axis).help(help),
+                sagnac::Error::input("the retest has no such axis", help).column("axis").value(axis),
             ));
         };
         points_table(&self.proof.report_data.axes[at].points)

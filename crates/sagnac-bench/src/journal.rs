@@ -131,9 +131,11 @@ impl JournalWriter {
         let is_empty = std::fs::metadata(path).is_ok_and(|file| file.is_file() && file.len() == 0);
         let file = File::options().read(true).append(true).create_new(!is_empty).open(path);
         let file = file.map_err(|e| match e.kind() {
-            ErrorKind::AlreadyExists => Error::input("a recording of this name is there already")
-                .file(path.display().to_string())
-                .help("--resume goes on with it; --finish makes its log; or give another -o"),
+            ErrorKind::AlreadyExists => Error::input(
+                "a recording of this name is there already",
+                "--resume goes on with it; --finish makes its log; or give another -o",
+            )
+            .file(path.display().to_string()),
             _ => Error::io_path(path, "make", &e),
         })?;
         Self::of(file, path, 0)
@@ -156,9 +158,8 @@ impl JournalWriter {
 
     fn of(file: File, path: &Path, length: u64) -> Result<Self> {
         file.try_lock().map_err(|_| {
-            Error::input("another program records into this file")
+            Error::input("another program records into this file", "end it first, or give another -o")
                 .file(path.display().to_string())
-                .help("end it first, or give another -o")
         })?;
         Ok(Self { file, path: path.to_owned(), length, waiting: Vec::new(), is_synced: true })
     }
@@ -255,9 +256,8 @@ impl JournalReader {
             } else {
                 "not the journal of a recording"
             };
-            return Err(Error::input(what)
-                .file(path.display().to_string())
-                .help("leave --resume and --finish out to begin a recording"));
+            return Err(Error::input(what, "leave --resume and --finish out to begin a recording")
+                .file(path.display().to_string()));
         }
         Ok(reader)
     }
@@ -473,7 +473,7 @@ mod tests {
         let mut writer = JournalWriter { file, path: full.to_owned(), length: 0, waiting: Vec::new(), is_synced: true };
         writer.push(&entry(1, b"x".to_vec())).unwrap();
         let error = writer.write().unwrap_err();
-        assert!(error.help.is_some_and(|help| help.contains("--resume")), "{}", error.what);
+        assert!(error.help.contains("--resume"), "{}", error.what);
         assert_eq!(writer.length, 0);
     }
 }

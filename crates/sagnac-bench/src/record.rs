@@ -267,5 +267,8 @@ impl Recorder {
 
 /// The error of a thread that could not be started.
 pub(crate) fn no_thread(error: &std::io::Error) -> Error {
-    Error::input(format!("cannot start a thread: {error}"))
+    Error::input(
+        format!("cannot start a thread: {error}"),
+        "raise the limit of threads (`ulimit -u`) or close other programs",
+    )
 }

@@ -175,7 +175,7 @@ impl JournalRows {
         name: &str,
         mut look: impl FnMut(&RecordBatch, &Self) + Send + 'static,
     ) -> Result<MemoryTable> {
-        let none = || Error::refused("the recording ended before a row came");
+        let none = || Error::refused("the recording ended before a row came", "connect the gyro, and record again");
         let schema = self.schema()?.ok_or_else(none)?;
         let batches = std::iter::from_fn(move || {
             let next = self.next_rows().transpose()?;
@@ -192,9 +192,8 @@ impl JournalRows {
 pub fn finish(mut rows: JournalRows, log: &Path) -> Result<Finished> {
     let journal = rows.reader.path().to_owned();
     let nothing = || {
-        Error::refused("nothing was recorded that is a row")
+        Error::refused("nothing was recorded that is a row", "`format`, `headers` and [columns] of the setup say how the bytes are read; the journal keeps them: correct the setup, and --finish with it")
             .file(journal.display().to_string())
-            .help("`format`, `headers` and [columns] of the setup say how the bytes are read; the journal keeps them: correct the setup, and --finish with it")
     };
     let Some(schema) = rows.schema()? else { return Err(rows.decoder.problem().cloned().unwrap_or_else(nothing)) };
     write_atomically(log, |out| {

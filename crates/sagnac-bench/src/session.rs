@@ -124,7 +124,7 @@ impl Session {
     /// # Errors
     /// A write that failed.
     pub fn join(self) -> Result<()> {
-        let defect = |_| Err(Error::input("a defect of this program: the recorder gave up"));
+        let defect = |_| Err(Error::defect("the recorder gave up"));
         self.recorder.join().unwrap_or_else(defect)
     }
 }
@@ -132,9 +132,8 @@ impl Session {
 /// The gyro's source.
 fn address_of(setup: &Setup) -> Result<Address> {
     let source = setup.bench.source.as_deref().ok_or_else(|| {
-        Error::input("where the gyro's bytes come from is not stated")
+        Error::input("where the gyro's bytes come from is not stated", "give --source, or `source` under [bench]: -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE, replay:LOG")
             .column("bench.source")
-            .help("give --source, or `source` under [bench]: -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE, replay:LOG")
     })?;
     source.parse()
 }
@@ -145,7 +144,12 @@ fn instruments_of(setup: &Setup) -> Result<Vec<(Instrument, PollSetup)>> {
         let is_scpi = matches!(instrument, Instrument::Scpi(_));
         if let Some(column) = poll.columns.iter().find(|column| column.query.is_some() != is_scpi) {
             let what = if is_scpi { "SCPI is asked by a `query`" } else { "Modbus is asked for a `register`" };
-            return Err(Error::input(what).column("bench.poll.columns").value(&column.name));
+            return Err(Error::input(
+                what,
+                format!("give each column of this instrument a `{}`", if is_scpi { "query" } else { "register" }),
+            )
+            .column("bench.poll.columns")
+            .value(&column.name));
         }
         Ok((instrument, poll.clone()))
     };
@@ -171,9 +175,8 @@ fn statuses(setup: &Setup, names: &[String]) -> Vec<SourceStatus> {
 /// Reads what was recorded before, as far as going on needs it.
 fn before(journal: &Path) -> Result<Before> {
     if !journal.exists() {
-        return Err(Error::input("no recording to go on with")
-            .file(journal.display().to_string())
-            .help("leave --resume out to begin one"));
+        return Err(Error::input("no recording to go on with", "leave --resume out to begin one")
+            .file(journal.display().to_string()));
     }
     let mut reader = JournalReader::open(journal)?;
     let first = reader.next_block(u64::MAX)?.unwrap_or_default();
@@ -202,6 +205,8 @@ fn check_same(start: &Start, setup: &Setup) -> Result<()> {
     if before.makes_the_windows_of(setup) && same_bench {
         return Ok(());
     }
-    Err(Error::input("the setup is not that of the recording: rows or windows would differ")
-        .help("give the bench.toml that it began with; the journal holds its text, and --finish uses that"))
+    Err(Error::input(
+        "the setup is not that of the recording: rows or windows would differ",
+        "give the bench.toml that it began with; the journal holds its text, and --finish uses that",
+    ))
 }

@@ -29,10 +29,10 @@ impl Start {
     /// # Errors
     /// A setup that is too long for an entry.
     pub fn entry(&self) -> Result<Entry> {
-        let text = serde_json::to_string(self).map_err(|e| Error::input(format!("cannot write the journal: {e}")))?;
+        let text = serde_json::to_string(self).map_err(|e| Error::defect(format!("cannot write the journal: {e}")))?;
         let entry = Entry::text(Kind::Start, 0, self.started_ns, &text);
         if entry.payload.len() < text.len() {
-            return Err(Error::input("a setup of more than 64 KiB cannot be recorded"));
+            return Err(Error::input("the setup is larger than 64 KiB and cannot be recorded", "shorten the setup"));
         }
         Ok(entry)
     }
@@ -42,7 +42,12 @@ impl Start {
     /// # Errors
     /// A journal that does not begin with one.
     pub fn of(entries: &[Entry]) -> Result<Self> {
-        let none = || Error::input("the journal does not begin with the setup of its recording");
+        let none = || {
+            Error::input(
+                "the journal does not begin with the setup of its recording",
+                "give the journal that `sagnac bench` wrote next to the log",
+            )
+        };
         let first = entries.first().filter(|entry| entry.kind == Kind::Start).ok_or_else(none)?;
         let start: Self = serde_json::from_slice(&first.payload).map_err(|_| none())?;
         start.setup().check()?;

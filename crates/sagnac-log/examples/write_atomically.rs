@@ -12,7 +12,7 @@ fn main() -> Result<()> {
     // A writer that fails midway: the old file is still there.
     let failed = write_atomically(&path, |out| {
         out.write_all(b"bias 4").map_err(|e| Error::io_path(&path, "write", &e))?;
-        Err(Error::refused("the data do not support four orders"))
+        Err(Error::refused("the data do not support four orders", "give more data, or a smaller model"))
     });
     println!("{}", failed.as_ref().err().map(ToString::to_string).unwrap_or_default());
     let text = std::fs::read_to_string(&path).map_err(|e| Error::io_path(&path, "read", &e))?;

@@ -1,17 +1,18 @@
-//! What went wrong, where, and what to do about it.
+//! Errors: the cause, its place, and the remedy.
 //!
-//! Two kinds reach a user: [`ErrorKind::Input`] (bad usage or a bad file; exit status 2) and
+//! Users see two kinds: [`ErrorKind::Input`] (bad usage or a bad file; exit status 2) and
 //! [`ErrorKind::Refused`] (the input is fine, but cannot support the answer; exit status 3).
 
 use std::fmt;
+use std::io;
 use std::path::Path;
 
-/// Which exit status an error has.
+/// The kind of an error, and with it the exit status.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ErrorKind {
     /// Bad usage, an unreadable file, a broken line.
     Input,
-    /// The data cannot support what was asked.
+    /// The data cannot support the answer.
     Refused,
 }
 
@@ -25,7 +26,7 @@ pub struct Place {
     pub line: Option<u64>,
     /// Column or field name.
     pub column: Option<String>,
-    /// The text found there.
+    /// The text in that place.
     pub value: Option<String>,
 }
 
@@ -48,18 +49,18 @@ impl fmt::Display for Place {
     }
 }
 
-/// An error on which a person can act.
+/// An error with a remedy: no error is made without one.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub struct Error {
     /// Input or refusal.
     pub kind: ErrorKind,
-    /// What was wrong.
+    /// The cause, in one sentence.
     pub what: String,
-    /// Where.
+    /// The place of the cause.
     pub place: Box<Place>,
-    /// What to do.
-    pub help: Option<String>,
+    /// The remedy: one imperative, with a command or key to copy where there is one.
+    pub help: String,
 }
 
 /// Result with this crate's [`Error`].
@@ -75,43 +76,75 @@ impl fmt::Display for Error {
     }
 }
 
-impl From<std::io::Error> for Error {
-    fn from(error: std::io::Error) -> Self {
-        Self::input(error.to_string())
+impl From<io::Error> for Error {
+    fn from(error: io::Error) -> Self {
+        Self::input(error.to_string(), remedy_of(&error))
+    }
+}
+
+/// What to do about an error of the file system.
+fn remedy_of(error: &io::Error) -> &'static str {
+    match error.kind() {
+        io::ErrorKind::NotFound => "give the path of an existing file or folder",
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+            "change the permissions, or use another folder"
+        }
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => "free space on the disk, or use another one",
+        io::ErrorKind::NotADirectory | io::ErrorKind::IsADirectory => "give a file where a file is needed, or a folder",
+        io::ErrorKind::InvalidData | io::ErrorKind::UnexpectedEof | io::ErrorKind::InvalidInput => {
+            "copy the file again from its source"
+        }
+        _ => "copy the file to a local disk, and run the command again",
     }
 }
 
 impl Error {
-    /// Bad usage or input.
-    pub fn input(what: impl Into<String>) -> Self {
-        Self { kind: ErrorKind::Input, what: what.into(), place: Box::default(), help: None }
+    /// Bad usage or input, with the remedy.
+    pub fn input(what: impl Into<String>, help: impl Into<String>) -> Self {
+        Self { kind: ErrorKind::Input, what: what.into(), place: Box::default(), help: help.into() }
     }
 
-    /// The data cannot support the answer.
-    pub fn refused(what: impl Into<String>) -> Self {
-        Self { kind: ErrorKind::Refused, ..Self::input(what) }
+    /// The data cannot support the answer; with the remedy.
+    pub fn refused(what: impl Into<String>, help: impl Into<String>) -> Self {
+        Self { kind: ErrorKind::Refused, ..Self::input(what, help) }
     }
 
-    /// What a format needs was not compiled in.
+    /// A file whose content is broken: "damaged `what`".
+    pub fn damaged(what: impl fmt::Display) -> Self {
+        Self::input(format!("damaged {what}"), "copy the file again from its source")
+    }
+
+    /// A fault of Sagnac that no input should cause.
+    pub fn defect(what: impl fmt::Display) -> Self {
+        let report = "report it with the command and its files: https://github.com/sagnac/sagnac/issues";
+        Self::input(format!("a defect of this program: {what}"), report)
+    }
+
+    /// A format that was not compiled in.
     pub fn without(format: &str) -> Self {
-        Self::input(format!("this program was built without {format}"))
-            .help("build it with its default features; a log can be converted to CSV")
+        let what = format!("this program was built without {format}");
+        Self::input(what, "build it with its default features, or convert the log to CSV")
     }
 
     /// Invalid TOML; names the line.
-    pub fn toml(what: &str, text: &str, error: &toml::de::Error) -> Self {
+    pub fn toml(what: &str, text: &str, error: &toml::de::Error, help: impl Into<String>) -> Self {
         let before = error.span().and_then(|span| text.as_bytes().get(..span.start)).unwrap_or(&[]);
         let line = 1 + before.iter().filter(|byte| **byte == b'\n').count();
-        Self::input(format!("{what}: {}", error.message().trim())).line(line as u64)
+        Self::input(format!("{what}: {}", error.message().trim()), help).line(line as u64)
+    }
+
+    /// A read or write that failed, where the file is named later.
+    pub fn cannot(doing: &str, error: &io::Error) -> Self {
+        Self::input(format!("cannot {doing}: {error}"), remedy_of(error))
     }
 
     /// A file that could not be read or written.
-    pub fn io(file: impl Into<String>, doing: &str, error: &std::io::Error) -> Self {
-        Self::input(format!("cannot {doing}: {error}")).file(file)
+    pub fn io(file: impl Into<String>, doing: &str, error: &io::Error) -> Self {
+        Self::cannot(doing, error).file(file)
     }
 
     /// The same for a path.
-    pub fn io_path(path: &Path, doing: &str, error: &std::io::Error) -> Self {
+    pub fn io_path(path: &Path, doing: &str, error: &io::Error) -> Self {
         Self::io(path.display().to_string(), doing, error)
     }
 
@@ -142,7 +175,7 @@ impl Error {
         self
     }
 
-    /// Quotes what was found, shortened to 40 characters.
+    /// Quotes the text in this place, shortened to 40 characters.
     #[must_use]
     pub fn value(mut self, value: impl AsRef<str>) -> Self {
         let value = value.as_ref();
@@ -151,7 +184,7 @@ impl Error {
         self
     }
 
-    /// Names what it is about before what was wrong.
+    /// Puts the subject before the cause.
     #[must_use]
     pub fn of(mut self, subject: &str) -> Self {
         self.what = format!("{subject}: {}", self.what);
@@ -165,10 +198,10 @@ impl Error {
         self
     }
 
-    /// Says what to do.
+    /// Gives a better remedy, where the caller knows one.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
-        self.help = Some(help.into());
+        self.help = help.into();
         self
     }
 }

@@ -50,8 +50,10 @@ impl MemoryBudget {
 
     /// The error of an allocation beyond its share: "`what` more than …".
     pub fn exceeded(self, what: &str, share: u64, or: &str) -> Error {
-        Error::input(format!("{what} more than {} MiB", share >> 20))
-            .help(format!("{or}, or give more memory than {} MiB with --memory", self.0 >> 20))
+        Error::input(
+            format!("{what} more than {} MiB", share >> 20),
+            format!("{or}, or give more memory than {} MiB with --memory", self.0 >> 20),
+        )
     }
 }
 

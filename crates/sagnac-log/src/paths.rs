@@ -57,7 +57,9 @@ pub fn logs_among(mut names: Vec<PathBuf>) -> Vec<PathBuf> {
 /// # Errors
 /// Not a pattern; no name that it matches.
 pub fn matches_among(pattern: &str, mut names: Vec<PathBuf>) -> Result<Vec<PathBuf>> {
-    let refused = |what: String| Error::input(what).file(pattern);
+    let refused = |what: String| {
+        Error::input(what, "give an existing file, or a pattern such as 'run-*.csv' in quotes").file(pattern)
+    };
     let matcher = glob::Pattern::new(pattern).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
     // As on a file system: a sign stands for a part of one name, and hidden ones are passed over.
     let options =
@@ -96,10 +98,11 @@ fn folder(path: &Path) -> Result<Vec<PathBuf>> {
     let mut logs = entries(path)?;
     logs.retain(|file| file.is_file() && is_log(file));
     if logs.is_empty() {
-        return Err(Error::input("no log in this folder").file(path.display().to_string()).help(format!(
-            "the names of logs end in {}; name others one by one",
-            Error::choices(&ENDINGS.map(str::to_owned))
-        )));
+        return Err(Error::input(
+            "no log in this folder",
+            format!("the names of logs end in {}; name others one by one", Error::choices(&ENDINGS.map(str::to_owned))),
+        )
+        .file(path.display().to_string()));
     }
     in_order(&mut logs);
     Ok(logs)
@@ -107,7 +110,9 @@ fn folder(path: &Path) -> Result<Vec<PathBuf>> {
 
 fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {
     let text = pattern.to_str().unwrap_or_default();
-    let refused = |what: String| Error::input(what).file(text);
+    let refused = |what: String| {
+        Error::input(what, "give an existing file, or a pattern such as 'run-*.csv' in quotes").file(text)
+    };
     let paths = glob::glob_with(text, AS_FILES).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
     let mut logs: Vec<PathBuf> = paths.filter_map(std::result::Result::ok).filter(|path| path.is_file()).collect();
     if logs.is_empty() {

@@ -18,9 +18,13 @@ pub fn read_text(path: &Path, what: &str, most_bytes: u64) -> Result<String> {
     file.take(most_bytes + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, what, &e))?;
     let named = |error: Error| error.file(path.display().to_string());
     if bytes.len() as u64 > most_bytes {
-        return Err(named(Error::input(format!("cannot {what}: more than {most_bytes} bytes"))));
+        return Err(named(Error::input(
+            format!("cannot {what}: the file is larger than {most_bytes} bytes"),
+            "give the right file: this one is too large to be one",
+        )));
     }
-    let text =
-        String::from_utf8(bytes).map_err(|_| named(Error::input(format!("cannot {what}: it is not UTF-8 text"))))?;
+    let text = String::from_utf8(bytes).map_err(|_| {
+        named(Error::input(format!("cannot {what}: it is not UTF-8 text"), "give a text file, saved as UTF-8"))
+    })?;
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }

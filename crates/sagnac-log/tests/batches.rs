@@ -46,7 +46,7 @@ fn every_row_comes_once_and_in_order() {
 fn the_first_error_is_reported() {
     let refused = |at: u64| {
         move |batch: &Batch| match batch.line.contains(&at) {
-            true => Err(Error::input("refused").line(at)),
+            true => Err(Error::input("refused", "remove the line").line(at)),
             false => Ok(()),
         }
     };

@@ -166,7 +166,7 @@ impl<'a> Named<'a> {
             let known = |name: &str, value: &str| (!value.is_empty()).then(|| format!("{name} {value}"));
             let place: Vec<String> = known("lot", &of.lot).into_iter().chain(known("rig", &of.rig)).collect();
             words.push([&[of.outcome.name().to_owned()][..], &place].concat().join(", "));
-            let help = of.refusal.iter().chain(&of.retest_refusal).filter_map(|why| why.help.clone());
+            let help = of.refusal.iter().chain(&of.retest_refusal).map(|why| why.help.clone());
             words.extend(help);
             if of.record_sha256.is_some() {
                 words.push(format!("record: records/{}.cal.json", of.unit));

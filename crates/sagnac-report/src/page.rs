@@ -119,7 +119,7 @@ pub fn verification_report(
 
 /// Everything into one file. A control character of a record or a log is shown as its number, wherever it comes from.
 pub(crate) fn page(title: &str, body: &Markup, figures: Vec<Figure>) -> Result<Report> {
-    let data = serde_json::to_string(&figures).map_err(|e| Error::input(format!("cannot write the figures: {e}")))?;
+    let data = serde_json::to_string(&figures).map_err(|e| Error::defect(format!("cannot write the figures: {e}")))?;
     let data = printable_json(&data).replace('<', "\\u003c");
     let (title, body) = (printable(title), PreEscaped(true_minus(&printable(&body.0))));
     let markup = html! {

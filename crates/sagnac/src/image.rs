@@ -73,11 +73,13 @@ fn check_work(image: &Image, most: Option<u32>) -> Result<()> {
     let instructions = image.work().instructions();
     most.filter(|most| instructions > *most).map_or(Ok(()), |most| {
         let axis = char::from(image.description().axis);
-        Err(Error::input(format!(
-            "axis {axis}: the slow update takes {instructions} instructions, and the target has time for {most}"
-        ))
-        .column("slow_update_instructions_max")
-        .help("take a smaller --model, or fewer inputs"))
+        Err(Error::input(
+            format!(
+                "axis {axis}: the slow update takes {instructions} instructions, and the target has time for {most}"
+            ),
+            "take a smaller --model, or fewer inputs",
+        )
+        .column("slow_update_instructions_max"))
     })
 }
 
@@ -114,7 +116,7 @@ pub(crate) fn rate_unit(target: Target, axes: &[(char, &AxisCorrection)]) -> Res
         let holder = Holder { unit: Some(unit), target, most_instructions: None };
         axes.iter().try_for_each(|(axis, correction)| holder.check(*axis, correction))
     };
-    let mut refusal = Error::input("no size of count");
+    let mut refusal = Error::defect("no count size was tried");
     for lsb_arcsec in RATE_LSBS {
         match fits(lsb_arcsec / RATE_MARGIN) {
             Ok(()) => return Ok(LogUnit::Rates { lsb_arcsec }),
@@ -145,7 +147,8 @@ impl Frame {
         let Self { axis, unit, target } = self;
         let mut d = Description::empty();
         name(&mut d)?;
-        d.axis = u8::try_from(axis).map_err(|_| Error::input("no ASCII letter").column("axis"))?;
+        d.axis = u8::try_from(axis)
+            .map_err(|_| Error::input("the axis must be one ASCII letter", "name the axis x, y or z").column("axis"))?;
         d.tick_ns = target.tick_ns;
         d.period_ticks = target.period_ticks;
         d.slew_ticks = target.slew_ticks;
@@ -181,7 +184,8 @@ impl Frame {
         }
         d.terms[..terms.len()].copy_from_slice(&terms);
         d.term_count = terms.len() as u8;
-        Image::new(d).map_err(|e| Error::input(format!("no image can hold this correction: {e}")))
+        Image::new(d)
+            .map_err(|e| Error::input(format!("no image can hold this correction: {e}"), "choose a smaller --model"))
     }
 }
 
@@ -196,7 +200,7 @@ pub fn image_bytes(image: &Image) -> Vec<u8> {
 /// A number beyond its field; `holds` says what the field takes.
 fn too_large(name: &str, value: f64, holds: &str) -> Error {
     let what = format!("does not fit the image, which holds {holds}");
-    Error::input(what).column(name).value(value.to_string())
+    Error::input(what, "choose a smaller --model, or correct the value").column(name).value(value.to_string())
 }
 
 fn unsigned(name: &str, value: f64) -> Result<u64> {
@@ -244,7 +248,12 @@ fn channels(correction: &AxisCorrection) -> Result<Vec<InputChannel<'_>>> {
     let index_of = |wanted: &String, of: &Input| {
         let place = inputs.iter().position(|other| other.source == InputSource::Thermometer(wanted.clone()));
         place.and_then(|at| u8::try_from(at).ok()).ok_or_else(|| {
-            Error::input("a difference of thermometers that are not inputs").column("inputs").value(&of.name)
+            Error::input(
+                "a difference names a thermometer that is no input",
+                "calibrate again, or copy the file again from its source",
+            )
+            .column("inputs")
+            .value(&of.name)
         })
     };
     let channel = |input| {
@@ -258,9 +267,12 @@ fn channels(correction: &AxisCorrection) -> Result<Vec<InputChannel<'_>>> {
             InputSource::Repeat(of) => {
                 let place = inputs.iter().position(|other| other.name == *of).and_then(|at| u8::try_from(at).ok());
                 let of = place.ok_or_else(|| {
-                    Error::input("a repeat of an input that the record does not have")
-                        .column("inputs")
-                        .value(&input.name)
+                    Error::input(
+                        "the input repeats one that the record does not contain",
+                        "calibrate again, or copy the file again from its source",
+                    )
+                    .column("inputs")
+                    .value(&input.name)
                 })?;
                 let exponent = if correction.is_in_celsius(input) { 0 } else { unit_exponent(input.valid_range) };
                 (ValueSource::Repeat { of }, exponent)
@@ -316,7 +328,9 @@ fn input_spec(channel: &InputChannel<'_>, period_s: f64) -> Result<InputSpec> {
         let code = (value - input.offset) / input.gain_per_code;
         if code.abs() > f64::from(i32::MAX) {
             let what = format!("32-bit codes of {} do not reach {value:.2} of the fit span", input.name);
-            return Err(Error::input(what).column("gain_per_code").value(input.gain_per_code.to_string()));
+            return Err(Error::input(what, "set a larger gain_per_code under [[aux]]")
+                .column("gain_per_code")
+                .value(input.gain_per_code.to_string()));
         }
     }
     Ok(InputSpec {
@@ -460,9 +474,12 @@ impl Frame {
         for fitted in &correction.terms {
             let read_by = channels.iter().enumerate().find(|(_, channel)| channel.input.name == fitted.input);
             let (index, channel) = read_by.ok_or_else(|| {
-                Error::input("a term over an input that the record does not have")
-                    .column("terms.input")
-                    .value(&fitted.input)
+                Error::input(
+                    "the term names an input that the record does not contain",
+                    "calibrate again, or copy the file again from its source",
+                )
+                .column("terms.input")
+                .value(&fitted.input)
             })?;
             let name = fitted.form().name((index > 0).then_some(fitted.input.as_str()));
             let Form { acts_on, shape, times_rate } = fitted.form();
@@ -570,6 +587,6 @@ impl Frame {
                 format!("a tick_s of {tick_s} or less holds it; or take a smaller --model")
             }
         };
-        Error::input(format!("{what} {reached}, and an image holds {holds}")).help(remedy)
+        Error::input(format!("{what} {reached}, and an image holds {holds}"), remedy)
     }
 }

@@ -70,9 +70,11 @@ impl Calibration {
     pub fn axis(&self, letter: char) -> Result<&AxisCalibration> {
         let letters: Vec<String> = self.axes.iter().map(|axis| axis.axis.to_string()).collect();
         self.axes.iter().find(|axis| axis.axis == letter).ok_or_else(|| {
-            Error::input(format!("the calibration has no axis {letter}"))
-                .column("axis")
-                .help(format!("it has: {}", Error::choices(&letters)))
+            Error::input(
+                format!("the calibration has no axis {letter}"),
+                format!("it has: {}", Error::choices(&letters)),
+            )
+            .column("axis")
         })
     }
 
@@ -83,9 +85,9 @@ impl Calibration {
     pub fn evaluate(&self, temperature_c: f64, rate_cpm: f64) -> Result<Evaluation> {
         match self.axes.as_slice() {
             [axis] => Ok(axis.evaluate(temperature_c, rate_cpm)),
-            _ => Err(Error::input("the calibration has several axes")
-                .column("axis")
-                .help("name one: axis('z')?.evaluate(…)")),
+            _ => {
+                Err(Error::input("the calibration has several axes", "name one: axis('z')?.evaluate(…)").column("axis"))
+            }
         }
     }
 }

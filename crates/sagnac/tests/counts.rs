@@ -99,7 +99,7 @@ fn rates_without_a_time_are_refused() {
     let log = || reader(b"rate_dph,temperature_c\n1,20\n2,20\n1,20\n".to_vec(), &Setup::default());
     let request = Request { taus: Taus::Octaves, exact: false };
     let error = noise_budget(vec![log()], None, &Setup::default(), &request).unwrap_err();
-    assert!(error.what.contains("no time column") && error.help.unwrap().contains("--sample-interval"));
+    assert!(error.what.contains("no time column") && error.help.contains("--sample-interval"));
     let given = Setup { sample_interval_s: Some(2.0), ..Setup::default() };
     let log = reader(b"rate_dph,temperature_c\n1,20\n2,20\n1,20\n".to_vec(), &given);
     assert_eq!(noise_budget(vec![log], None, &given, &request).unwrap().axes[0].sample_interval_s, 2.0);

@@ -316,7 +316,7 @@ fn the_second_gyro_is_read_when_asked_for() {
     assert_eq!(batch.temperature_c[0][0], 99.0);
     let third = Setup { instance: Some(2), ..Setup::default() };
     let error = LogReader::from_reader("log", Box::new(Cursor::new(bytes)), &third, ReadMode::Bulk).err().unwrap();
-    assert!(error.what.contains("instance 2") && error.help.unwrap().contains("sensor_gyro"));
+    assert!(error.what.contains("instance 2") && error.help.contains("sensor_gyro"));
 }
 
 /// A topic that is announced without a message is passed over where the file can be read again; a pipe cannot, and says so.
@@ -405,7 +405,7 @@ fn a_file_beyond_its_share_of_memory_is_refused() {
     };
     // 72 MB in one batch: a quarter of 256 MiB is less, of 512 MiB is more.
     let error = read(256).err().unwrap();
-    assert!(error.what.contains("more than 64 MiB") && error.help.as_ref().unwrap().contains("--memory"), "{error}");
+    assert!(error.what.contains("more than 64 MiB") && error.help.contains("--memory"), "{error}");
     let mut log = read(512).unwrap();
     let mut read = 0;
     while let Some(batch) = log.next_batch().unwrap() {
@@ -560,7 +560,7 @@ fn a_table_in_memory_is_the_log_of_its_file() {
 #[test]
 fn a_table_that_breaks_off_is_an_error() {
     let batch = batch(&columns());
-    let own = sagnac::Error::input("the generator raised ValueError: no more").help("mend the generator");
+    let own = sagnac::Error::input("the generator raised ValueError: no more", "mend the generator");
     let batches = vec![Ok(batch.slice(0, 500)), Err(arrow_schema::ArrowError::ExternalError(Box::new(own)))];
     let table =
         MemoryTable { name: "run 1".to_owned(), schema: batch.schema(), batches: Box::new(batches.into_iter()) };
@@ -573,7 +573,7 @@ fn a_table_that_breaks_off_is_an_error() {
         }
     };
     assert_eq!(error.what, "the generator raised ValueError: no more");
-    assert_eq!((error.place.file.as_deref(), error.help.as_deref()), (Some("run 1"), Some("mend the generator")));
+    assert_eq!((error.place.file.as_deref(), error.help.as_str()), (Some("run 1"), "mend the generator"));
     // Batches of other columns than announced.
     let narrow = batch.project(&[0, 1]).unwrap();
     let table =

@@ -29,7 +29,7 @@ fn small_drifts_do_not_round_to_nothing() {
 fn a_given_model_that_does_not_fit_is_refused_by_name() {
     let refused = |logs: Vec<Vec<u8>>, setup: &Setup, model: &str, words: &[&str]| {
         let error = fit(logs, setup, model).unwrap_err();
-        let text = format!("{error} {}", error.help.clone().unwrap_or_default());
+        let text = format!("{error} {}", error.help);
         println!("{text}");
         assert_eq!(error.kind, ErrorKind::Refused, "{text}");
         words.iter().for_each(|word| assert!(text.contains(word), "{word}: {text}"));
@@ -111,7 +111,7 @@ fn a_slow_update_that_takes_too_long_is_refused() {
     assert_eq!(instructions(&free), needs);
     assert_eq!(instructions(&fit(logs(), &limited(needs), "bias 3").unwrap()), needs);
     let refusal = fit(logs(), &limited(needs - 1), "bias 3").unwrap_err();
-    let text = format!("{refusal} {}", refusal.help.clone().unwrap_or_default());
+    let text = format!("{refusal} {}", refusal.help);
     assert_eq!(refusal.kind, ErrorKind::Refused, "{text}");
     for word in ["axis x", "935 instructions", "time for 934", "smaller --model"] {
         assert!(text.contains(word), "{word}: {text}");

@@ -47,9 +47,11 @@ impl Frames {
             vec![("time_ns".to_owned(), Content::Nanoseconds), (format!("counts_{axis}"), Content::Number)];
         if let Some(first) = first {
             if thermometer.is_none() {
-                return Err(Error::input("frames have codes of a thermometer, and what a code means is not stated")
-                    .column("thermometer")
-                    .help("give offset_c and gain_c_per_code of the thermometer in the setup"));
+                return Err(Error::input(
+                    "frames have codes of a thermometer, and what a code means is not stated",
+                    "give offset_c and gain_c_per_code of the thermometer in the setup",
+                )
+                .column("thermometer"));
             }
             let name = if first.name.is_empty() { String::new() } else { format!("_{}", first.name) };
             columns.push((format!("temperature_c{name}"), Content::Number));

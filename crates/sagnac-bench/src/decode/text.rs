@@ -64,9 +64,12 @@ impl Text {
         if let Some(line) = &setup.bench.headers {
             text.is_given = text.begins(line.as_bytes(), rows).map_err(|e| e.column("bench.headers"))?;
             if !text.is_given {
-                return Err(Error::input("a line of headers that names no counts and no rates")
-                    .column("bench.headers")
-                    .value(line));
+                return Err(Error::input(
+                    "the header line names no column of counts or rates",
+                    "name one `counts` or `rate_dph` in headers under [bench]",
+                )
+                .column("bench.headers")
+                .value(line));
             }
         }
         Ok(text)
@@ -88,7 +91,7 @@ impl Text {
         if layout.time.is_none() {
             let interval = "rows without a time need the interval of a row";
             let help = "give sample_interval_s in the setup, or map the column of the time under [columns]";
-            self.interval_ns.ok_or_else(|| Error::input(interval).column("sample_interval_s").help(help))?;
+            self.interval_ns.ok_or_else(|| Error::input(interval, help).column("sample_interval_s"))?;
             columns.insert(0, (TIME.to_owned(), Content::Nanoseconds));
         }
         rows.begin(columns, header.has_decimal_comma());

@@ -104,10 +104,12 @@ impl Page {
     /// An address that is taken, or not of this computer.
     pub fn begin(page: PageOf, address: SocketAddr) -> Result<Self> {
         let failed = |e: &std::io::Error| {
-            Error::input(format!("cannot serve the page: {e}"))
-                .column("--page")
-                .value(address.to_string())
-                .help("another program may use the port; --page 127.0.0.1:0 takes a free one, --page none serves none")
+            Error::input(
+                format!("cannot serve the page: {e}"),
+                "another program may use the port; --page 127.0.0.1:0 takes a free one, --page none serves none",
+            )
+            .column("--page")
+            .value(address.to_string())
         };
         let listener = TcpListener::bind(address).map_err(|e| failed(&e))?;
         listener.set_nonblocking(true).map_err(|e| failed(&e))?;
@@ -136,7 +138,12 @@ impl Page {
 /// A token that nobody can guess.
 fn token() -> Result<String> {
     let mut bytes = [0; TOKEN_BYTES];
-    getrandom::fill(&mut bytes).map_err(|e| Error::input(format!("no random numbers: {e}")))?;
+    getrandom::fill(&mut bytes).map_err(|e| {
+        Error::input(
+            format!("the system gives no random numbers: {e}"),
+            "leave --page out, or run on a system with /dev/urandom",
+        )
+    })?;
     Ok(sagnac_log::ingest::hex(&bytes))
 }
 

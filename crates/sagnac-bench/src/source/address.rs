@@ -60,7 +60,7 @@ fn with_key<'a>(text: &'a str, key: &str) -> Result<(&'a str, Option<&'a str>)> 
 }
 
 fn not_an_address(text: &str) -> Error {
-    Error::input("not a source").column("source").value(text).help(FORMS)
+    Error::input("not a source", FORMS).column("source").value(text)
 }
 
 /// HOST:PORT with a port; a bracketed IPv6 address has colons of its own.
@@ -132,10 +132,9 @@ impl FromStr for Instrument {
 
     fn from_str(text: &str) -> Result<Self> {
         let bad = || {
-            Error::input("not an instrument")
+            Error::input("not an instrument", "an instrument is scpi://HOST:PORT or modbus://HOST:PORT?unit=1")
                 .column("bench.poll.source")
                 .value(text)
-                .help("an instrument is scpi://HOST:PORT or modbus://HOST:PORT?unit=1")
         };
         if let Some(rest) = text.strip_prefix("scpi://") {
             return host_and_port(rest).map(Self::Scpi).ok_or_else(bad);

@@ -46,9 +46,12 @@ impl Sender<'_> {
     fn pour(&mut self, path: &Path, speed: f64, setup: &Setup) -> Result<bool> {
         let mut log = LogReader::open(path, setup, ReadMode::BulkWithText)?;
         if !log.shape().timed && setup.sample_interval_s.is_none() {
-            return Err(Error::input("a log without times, and the interval of a row is not stated")
-                .column("sample_interval_s")
-                .file(path.display().to_string()));
+            return Err(Error::input(
+                "the log has no times, and the row interval is not given",
+                "set sample_interval_s in the setup",
+            )
+            .column("sample_interval_s")
+            .file(path.display().to_string()));
         }
         // As in the log: numbers with a decimal comma need another separator.
         self.separator = log.delimiter();
@@ -83,7 +86,7 @@ impl Sender<'_> {
     fn line<'f>(&mut self, fields: impl IntoIterator<Item = &'f [u8]>) -> Result<()> {
         let mut writer = csv::WriterBuilder::new().delimiter(self.separator).from_writer(&mut self.waiting);
         let written = writer.write_record(fields).and_then(|()| writer.flush().map_err(Into::into));
-        written.map_err(|e| Error::input(format!("cannot replay: {e}")))
+        written.map_err(|e| Error::defect(format!("cannot replay: {e}")))
     }
 
     fn send(&mut self) -> bool {

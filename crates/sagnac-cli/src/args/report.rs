@@ -71,7 +71,7 @@ fn refuse_other_endings(path: &Path) -> Result<()> {
     if is("html") || is("htm") || path.exists() && !path.is_file() {
         return Ok(());
     }
-    let refused = |what: &str, help: String| Err(Error::input(what).file(path.display().to_string()).help(help));
+    let refused = |what: &str, help: String| Err(Error::input(what, help).file(path.display().to_string()));
     let page = path.with_extension("html");
     let page = page.display();
     if is("pdf") {

@@ -98,8 +98,11 @@ impl LogArgs {
     pub(crate) fn windows(&self, paths: &[PathBuf]) -> Result<(Windows, Setup)> {
         for path in paths {
             if !matches!(loading::kind_of(path)?, loading::FileKind::Log) {
-                let what = "an image or calibration where a log is needed";
-                return Err(Error::input(what).file(path.display().to_string()));
+                return Err(Error::input(
+                    "a log is needed, and this is an image or a calibration",
+                    "give the CSV, Parquet or ULog file that the test recorded",
+                )
+                .file(path.display().to_string()));
             }
         }
         let setup = self.setup.over(Setup::default())?;
@@ -177,7 +180,11 @@ pub(crate) fn source_date_epoch() -> Result<Option<i64>> {
     let Some(value) = std::env::var_os("SOURCE_DATE_EPOCH") else { return Ok(None) };
     let text = value.to_string_lossy();
     let parsed = text.parse().map(Some);
-    parsed.map_err(|_| Error::input("must be whole seconds").column("SOURCE_DATE_EPOCH").value(&text))
+    parsed.map_err(|_| {
+        Error::input("must be whole seconds", "set it to seconds since 1970: SOURCE_DATE_EPOCH=$(date +%s)")
+            .column("SOURCE_DATE_EPOCH")
+            .value(&text)
+    })
 }
 
 fn window_size(text: &str) -> std::result::Result<WindowSize, String> {
@@ -196,5 +203,9 @@ fn memory_budget(text: &str) -> std::result::Result<MemoryBudget, String> {
 /// Comma-separated numbers.
 pub(crate) fn numbers(flag: &str, text: &str) -> Result<Vec<f64>> {
     let parsed: std::result::Result<Vec<f64>, _> = text.split(',').map(|part| part.trim().parse()).collect();
-    parsed.map_err(|_| Error::input("not a list of numbers separated by commas").column(flag).value(text))
+    parsed.map_err(|_| {
+        Error::input("not a list of numbers separated by commas", format!("write it like {flag} -20,25,60"))
+            .column(flag)
+            .value(text)
+    })
 }

@@ -38,11 +38,14 @@ impl SignArgs {
 
 /// Signs an image's bytes.
 pub(crate) fn block(key: &Path, args: &BlockArgs, image: &[u8]) -> Result<SignatureBlock> {
-    let needed = |name: &str| Error::input("a signature needs it").column(name.to_owned());
+    let needed =
+        |name: &str| Error::input("a signature needs it", "give --model NAME and --counter N").column(name.to_owned());
     let model = model_bytes(args.model.as_deref().ok_or_else(|| needed("--model"))?)?;
     let counter = args.counter.ok_or_else(|| needed("--counter"))?;
     let block = private_key(key)?.sign(image, model, counter);
-    block.ok_or_else(|| Error::input("longer than any image"))
+    block.ok_or_else(|| {
+        Error::input("the image is longer than an image can be", "export the calibration again with `sagnac export`")
+    })
 }
 
 /// A model's name as a board has it.
@@ -53,7 +56,9 @@ pub(crate) fn model_bytes(name: &str) -> Result<[u8; 16]> {
             room.copy_from_slice(name.as_bytes());
             Ok(bytes)
         }
-        _ => Err(Error::input("must have 1 to 16 bytes").column("--model").value(name)),
+        _ => Err(Error::input("must have 1 to 16 bytes", "give the name that the board has, such as --model IMU-9")
+            .column("--model")
+            .value(name)),
     }
 }
 
@@ -70,14 +75,18 @@ pub(crate) fn words(block: &SignatureBlock) -> String {
 
 /// The private key of a file.
 pub(crate) fn private_key(path: &Path) -> Result<Signer> {
-    Signer::from_pem(&pem(path)?).map_err(|e| Error::input(e.to_string()).file(path.display().to_string()))
+    Signer::from_pem(&pem(path)?).map_err(|e| {
+        Error::input(e.to_string(), "give the private key that `sagnac key new` wrote").file(path.display().to_string())
+    })
 }
 
 /// The public key of a `.pub` file, or of a private one.
 pub(crate) fn public_key(path: &Path) -> Result<PublicKey> {
     let text = pem(path)?;
     let read = PublicKey::from_pem(&text).or_else(|e| Signer::from_pem(&text).map(|key| key.public()).map_err(|_| e));
-    read.map_err(|e| Error::input(e.to_string()).file(path.display().to_string()))
+    read.map_err(|e| {
+        Error::input(e.to_string(), "give a key that `sagnac key new` wrote").file(path.display().to_string())
+    })
 }
 
 /// The text of a key file, which has some 120 bytes.

@@ -52,12 +52,12 @@ impl Files {
         let mut written: Vec<Identity> = Vec::new();
         for path in &self.writes {
             let Some(it) = identity(path) else { continue };
-            let refused = |what: &str| Err(Error::input(what).file(path.display().to_string()));
+            let refused = |what: &str, help: &str| Err(Error::input(what, help).file(path.display().to_string()));
             if read.contains(&it) || self.is_in_a_folder_read(path) {
-                return refused("this file is read here; write to another");
+                return refused("the command reads this file", "write to another file");
             }
             if written.contains(&it) {
-                return refused("this file is written twice here; give each output a name of its own");
+                return refused("two outputs have this name", "give each output its own name");
             }
             written.push(it);
         }
@@ -83,7 +83,8 @@ fn try_making(folder: &Path) -> Result<()> {
         return try_writing(&folder.join("any-name"));
     }
     if let Some(file) = folder.ancestors().find(|path| path.exists() && !path.is_dir()) {
-        return Err(Error::input("this is a file; a folder is needed").file(file.display().to_string()));
+        return Err(Error::input("this is a file, and a folder is needed", "give the name of a folder")
+            .file(file.display().to_string()));
     }
     // The folder, or the first of those above it that has to be made too.
     let is_under_a_folder =

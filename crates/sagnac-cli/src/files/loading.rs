@@ -51,7 +51,8 @@ pub(crate) fn kind_of(path: &Path) -> Result<FileKind> {
 pub(crate) fn first_bytes(path: &Path) -> Result<Vec<u8>> {
     let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
     if path.is_dir() {
-        return Err(Error::input("this is a directory; a file is needed").file(path.display().to_string()));
+        return Err(Error::input("this is a folder, and a file is needed", "give the name of a file in it")
+            .file(path.display().to_string()));
     }
     let mut start = Vec::new();
     file.take(FIRST_BYTES).read_to_end(&mut start).map_err(|e| Error::io_path(path, "read", &e))?;
@@ -69,8 +70,11 @@ const NOT_WRITTEN: [&str; 6] = ["gz", "zst", "arrow", "feather", "ulg", "xlsx"];
 /// Refuses a file name whose extension means another format than the output.
 pub(crate) fn check_output_name(path: &Path, formats: &str) -> Result<()> {
     match NOT_WRITTEN.iter().find(|extension| has_extension(path, extension)) {
-        Some(extension) => Err(Error::input(format!("no .{extension} is written here; formats: {formats}"))
-            .file(path.display().to_string())),
+        Some(extension) => Err(Error::input(
+            format!("cannot write .{extension} files"),
+            format!("choose another ending. Formats: {formats}"),
+        )
+        .file(path.display().to_string())),
         None => Ok(()),
     }
 }
@@ -91,7 +95,13 @@ pub(crate) fn image(path: &Path) -> Result<Image> {
 /// An image, its bytes without a signature, and its signature block if it has one. The signature is not checked.
 pub(crate) fn signed_image(path: &Path) -> Result<(Image, Vec<u8>, Option<SignatureBlock>)> {
     let whole = image_bytes_of(path)?;
-    let refused = |e: String| Error::input(format!("not a usable image: {e}")).file(path.display().to_string());
+    let refused = |e: String| {
+        Error::input(
+            format!("not a usable image: {e}"),
+            "export the calibration again: sagnac export unit.cal.json --to image -o DIR/",
+        )
+        .file(path.display().to_string())
+    };
     let (bytes, block) = SignatureBlock::split(&whole).map_err(|e| refused(e.to_string()))?;
     let image = Image::decode(bytes).map_err(|e| refused(e.to_string()))?;
     if image.serial().is_some_and(|serial| serial.contains(controls)) {
@@ -120,21 +130,28 @@ pub(crate) fn correction(path: &Path) -> Result<Correction> {
         FileKind::Calibration => {
             Correction::from_calibration(calibration(path)?).map_err(|e| e.file(path.display().to_string()))
         }
-        _ if is_pipe(path) => Err(Error::input("a correction is not read from a pipe")
-            .file(path.display().to_string())
-            .help("save it as a file; only logs are read from a pipe")),
-        FileKind::Log => Err(Error::input("neither a calibration nor an image")
-            .file(path.display().to_string())
-            .help("the correction comes first, then the logs: sagnac verify unit.cal.json retest.csv")),
+        _ if is_pipe(path) => Err(Error::input(
+            "a correction is not read from a pipe",
+            "save it as a file; only logs are read from a pipe",
+        )
+        .file(path.display().to_string())),
+        FileKind::Log => Err(Error::input(
+            "neither a calibration nor an image",
+            "the correction comes first, then the logs: sagnac verify unit.cal.json retest.csv",
+        )
+        .file(path.display().to_string())),
     }
 }
 
 /// A scenario's refusal, with its file and key.
 pub(crate) fn scenario_refused(path: &Path, problem: &ScenarioError) -> Error {
-    let error = Error::input(problem.message.clone()).file(path.display().to_string());
+    let error = Error::input(
+        problem.message.clone(),
+        "correct the key, docs/reference/scenario.md lists each with its unit and range",
+    )
+    .file(path.display().to_string());
     let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };
-    let error = problem.line.map_or(error.clone(), |line| error.line(line));
-    error.help("docs/reference/scenario.md lists every key with its unit and range")
+    problem.line.map_or(error.clone(), |line| error.line(line))
 }
 
 /// Reads and checks a scenario.

@@ -41,8 +41,10 @@ pub(crate) fn keep_panics_quiet() {
 /// The message for a panic that reached the top.
 pub(crate) fn internal_error() -> Error {
     let place = LAST_PANIC.lock().map(|last| last.clone()).unwrap_or_default();
-    Error::input(format!("a defect of this program, not of your input: {place}"))
-        .help("please report it with the command and, if you can, the file")
+    Error::input(
+        format!("a defect of this program, not of your input: {place}"),
+        "please report it with the command and, if you can, the file",
+    )
 }
 
 /// How much is printed for people.
@@ -69,8 +71,7 @@ struct Complaint<'a> {
     refused: bool,
     reason: &'a str,
     place: ComplaintPlace<'a>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    help: Option<&'a str>,
+    help: &'a str,
 }
 
 #[derive(Serialize)]
@@ -142,7 +143,7 @@ impl Console {
     pub(crate) fn object(&mut self, value: &impl Serialize) -> Result<(), Error> {
         if self.json {
             let text =
-                serde_json::to_string_pretty(value).map_err(|e| Error::input(format!("cannot write JSON: {e}")))?;
+                serde_json::to_string_pretty(value).map_err(|e| Error::defect(format!("cannot write JSON: {e}")))?;
             self.print(&printable_json(&text));
         }
         Ok(())
@@ -177,9 +178,7 @@ impl Console {
             writeln!(std::io::stderr(), "{shown}")
         };
         let _ = line(&format!("{word}: {error}"));
-        if let Some(help) = &error.help {
-            let _ = line(&format!("  help: {help}"));
-        }
+        let _ = line(&format!("  help: {}", error.help));
         let place = &error.place;
         let _ = self.object(&Complaint {
             refused: error.kind == ErrorKind::Refused,
@@ -190,7 +189,7 @@ impl Console {
                 column: place.column.as_deref(),
                 value: place.value.as_deref(),
             },
-            help: error.help.as_deref().map(shortened).as_deref(),
+            help: &shortened(&error.help),
         });
         match error.kind {
             ErrorKind::Input => ExitCode::from(2),

@@ -120,7 +120,8 @@ fn is_curve_file(path: &Path) -> Result<bool> {
 fn of_curve(path: &Path, args: &Args) -> Result<NoiseBudget> {
     if args.taus != "log" || args.exact || args.detrend.is_some() {
         return Err(Error::input(
-            "a bare curve has its own τ and no log behind it: --taus, --exact and --detrend do not apply",
+            "--taus, --exact and --detrend need a log, and this is a bare curve",
+            "remove these flags, or give the log",
         )
         .file(path.display().to_string()));
     }
@@ -130,12 +131,19 @@ fn of_curve(path: &Path, args: &Args) -> Result<NoiseBudget> {
 
 fn of_logs(args: &Args) -> Result<NoiseBudget> {
     if args.duration.is_some() {
-        return Err(Error::input("belongs to a bare curve; a log knows its own length").column("--duration"));
+        return Err(Error::input(
+            "applies to a bare curve only",
+            "remove --duration: the program reads the length of a log",
+        )
+        .column("--duration"));
     }
     for path in &args.logs {
         if !matches!(loading::kind_of(path)?, loading::FileKind::Log) {
-            return Err(Error::input("no log: noise is in the rows of a log, which windows have summed away")
-                .file(path.display().to_string()));
+            return Err(Error::input(
+                "noise is computed from the rows of a log, and this is another file",
+                "give the log: sagnac allan run1.csv",
+            )
+            .file(path.display().to_string()));
         }
     }
     let setup = args.setup.over(Setup::default())?;
@@ -143,8 +151,11 @@ fn of_logs(args: &Args) -> Result<NoiseBudget> {
     let again = match args.detrend {
         Some(Detrend::Temperature) => {
             if let Some(pipe) = args.logs.iter().find(|path| !path.is_file()) {
-                return Err(Error::input("--detrend reads the log twice, which a pipe does not allow")
-                    .file(pipe.display().to_string()));
+                return Err(Error::input(
+                    "--detrend reads the log twice, which a pipe does not allow",
+                    "save the pipe to a file, and give that",
+                )
+                .file(pipe.display().to_string()));
             }
             Some(loading::logs(&args.logs, &setup, "reading")?)
         }

@@ -48,7 +48,7 @@ impl Verb for Args {
             let name = path.display().to_string();
             match loading::kind_of(path)? {
                 loading::FileKind::Calibration => Ok((name, loading::calibration(path)?)),
-                _ => Err(Error::input("no calibration").file(name).help("give files that `sagnac calibrate -o` wrote")),
+                _ => Err(Error::input("no calibration", "give files that `sagnac calibrate -o` wrote").file(name)),
             }
         };
         let records: Result<Vec<(String, Calibration)>> = self.calibrations.iter().map(read).collect();

@@ -66,7 +66,9 @@ impl Verb for Args {
         let calibration = loading::calibration(&self.calibration)?;
         let temperatures = temperatures(&self.at)?;
         if !self.rate_cpm.is_finite() {
-            return Err(Error::input("must be a number").column("--rate-cpm").value(self.rate_cpm.to_string()));
+            return Err(Error::input("must be a number", "give a temperature rate in °C/min, such as --rate-cpm 0.5")
+                .column("--rate-cpm")
+                .value(self.rate_cpm.to_string()));
         }
         let of_axis = |axis: &AxisCalibration| EvaluatedAxis {
             axis: axis.axis,
@@ -102,10 +104,9 @@ const CELSIUS: RangeInclusive<f64> = -273.15..=1000.0;
 /// `FROM:TO:STEP` with both ends, or a list.
 fn temperatures(text: &str) -> Result<Vec<f64>> {
     let bad = |what: &str| {
-        Error::input(what)
+        Error::input(what, "write FROM:TO:STEP, such as -40:70:5, or a list, such as -40,25,70")
             .column("--at")
             .value(text)
-            .help("write FROM:TO:STEP, such as -40:70:5, or a list, such as -40,25,70")
     };
     // A negative zero is none.
     let number =

@@ -153,9 +153,11 @@ fn folders(args: &Args, exports: &[(PathBuf, Vec<TextFile>)], console: &mut Cons
     files(args).writes(names).makes(exports.iter().map(|(path, _)| path)).check()?;
     let mut places = exports.iter().flat_map(|(path, files)| files.iter().map(|file| (path.join(&file.name), file)));
     if let Some((path, _)) = places.find(|(path, file)| !file.may_replace(path)) {
-        return Err(Error::input("an export would replace this file, which is not its own")
-            .file(path.display().to_string())
-            .help("export into an empty folder: -o NEW-FOLDER"));
+        return Err(Error::input(
+            "an export would replace this file, which is not its own",
+            "export into an empty folder: -o NEW-FOLDER",
+        )
+        .file(path.display().to_string()));
     }
     for (path, files) in exports {
         folder(path, files, console)?;
@@ -170,7 +172,7 @@ fn check_flags(args: &Args) -> Result<()> {
     let said =
         [("--model", args.signature.block.model.is_some()), ("--counter", args.signature.block.counter.is_some())];
     if let Some((flag, _)) = said.iter().find(|(_, given)| *given && args.signature.sign.is_none()) {
-        return Err(Error::input("belongs to --sign").column(*flag));
+        return Err(Error::input("applies only with --sign", "add --sign KEY, or remove it").column(*flag));
     }
     let flags: [(&str, bool, &[Target]); 5] = [
         ("--sign", args.signature.sign.is_some(), &[Image, Upload]),
@@ -183,7 +185,11 @@ fn check_flags(args: &Args) -> Result<()> {
         None => Ok(()),
         Some((name, _, targets)) => {
             let names: Vec<&str> = targets.iter().map(|target| target.name()).collect();
-            Err(Error::input(format!("belongs to --to {}", names.join(", --to "))).column(*name))
+            Err(Error::input(
+                format!("applies only to --to {}", names.join(", --to ")),
+                format!("remove {name}, or change --to"),
+            )
+            .column(*name))
         }
     }
 }
@@ -222,9 +228,11 @@ fn per_axis(args: &Args, console: &mut Console) -> Ran {
 /// A sheet for each axis; only a calibration has an error budget.
 fn data_sheets(args: &Args, console: &mut Console) -> Ran {
     if !matches!(loading::kind_of(&args.input)?, FileKind::Calibration) {
-        return Err(Error::input("a data sheet needs the error budget of a calibration")
-            .file(args.input.display().to_string())
-            .help("give the calibration that the image was made from"));
+        return Err(Error::input(
+            "a data sheet needs the error budget of a calibration",
+            "give the calibration that the image was made from",
+        )
+        .file(args.input.display().to_string()));
     }
     let calibration = calibration(&args.input)?;
     let images = encode_all(&calibration, args.sequence)?;
@@ -277,10 +285,11 @@ fn signed_before(args: &Args) -> Result<Option<SignatureBlock>> {
     let FileKind::Image = loading::kind_of(&args.input)? else { return Ok(None) };
     let block = loading::signed_image(&args.input)?.2;
     match (&block, &args.signature.sign) {
-        (Some(_), Some(_)) => {
-            Err(Error::input("is signed already; sign the calibration's own export")
-                .file(args.input.display().to_string()))
-        }
+        (Some(_), Some(_)) => Err(Error::input(
+            "the image is signed already",
+            "sign the calibration's own export: sagnac export unit.cal.json --sign KEY",
+        )
+        .file(args.input.display().to_string())),
         _ => Ok(block),
     }
 }
@@ -296,13 +305,16 @@ fn upload(image: &[u8], trial: bool) -> Result<Vec<u8>> {
 fn images(args: &Args) -> Result<Vec<Image>> {
     match loading::kind_of(&args.input)? {
         FileKind::Image if args.sequence.is_some() => {
-            Err(Error::input("an image has its number already; export the calibration again").column("--sequence"))
+            Err(Error::input("an image has a sequence number already", "export the calibration again with --sequence")
+                .column("--sequence"))
         }
         FileKind::Image => Ok(vec![loading::image(&args.input)?]),
         FileKind::Log if args.input.extension().is_some_and(|extension| extension == "hex") => {
             let bytes = table_or_vectors(&args.input)?;
-            let refused =
-                |e: sagnac_core::DecodeError| Error::input(e.to_string()).file(args.input.display().to_string());
+            let refused = |e: sagnac_core::DecodeError| {
+                Error::input(e.to_string(), "copy the vectors again from their source")
+                    .file(args.input.display().to_string())
+            };
             Ok(vec![Image::decode(&bytes).map_err(refused)?])
         }
         _ => encode_all(&calibration(&args.input)?, args.sequence),
@@ -319,10 +331,10 @@ fn calibration(path: &Path) -> Result<Calibration> {
     if calibration.serial == UNASSIGNED {
         return Err(Error::refused(
             "the calibration belongs to no serial number, and an image must belong to one gyro",
+            "calibrate again with --serial",
         )
         .file(path.display().to_string())
-        .column("serial")
-        .help("calibrate again with --serial"));
+        .column("serial"));
     }
     Ok(calibration)
 }
@@ -333,11 +345,14 @@ fn table(args: &Args, images: &[Image]) -> Result<Option<LoopTable>> {
     let table = loops_of(path)?;
     match images.iter().find(|image| image.description().tick_ns != table.tick_ns) {
         None => Ok(Some(table)),
-        Some(image) => Err(Error::input(format!(
-            "its loops are for a tick of {} ns, the correction for one of {} ns",
-            table.tick_ns,
-            image.description().tick_ns
-        ))
+        Some(image) => Err(Error::input(
+            format!(
+                "its loops are for a tick of {} ns, the correction for one of {} ns",
+                table.tick_ns,
+                image.description().tick_ns
+            ),
+            "give loops and a calibration of the same tick_s",
+        )
         .file(path.display().to_string())),
     }
 }
@@ -353,14 +368,20 @@ fn table_or_vectors(path: &Path) -> Result<Vec<u8>> {
     let Ok(head) = words.head() else { return Ok(bytes) };
     let mut room = [0; sagnac_vectors::MAX_TABLE];
     let table = words.table(&head, &mut room);
-    Ok(table.map_err(|e| Error::input(e.to_string()).file(path.display().to_string()))?.to_vec())
+    Ok(table
+        .map_err(|e| {
+            Error::input(e.to_string(), "copy the vectors again from their source").file(path.display().to_string())
+        })?
+        .to_vec())
 }
 
 /// The loops of a table, of reference vectors, or of a scenario.
 fn loops_of(path: &Path) -> Result<LoopTable> {
     let bytes = table_or_vectors(path)?;
     if bytes.starts_with(&TABLE_MAGIC) {
-        let refused = |e: sagnac_loops::TableError| Error::input(e.to_string()).file(path.display().to_string());
+        let refused = |e: sagnac_loops::TableError| {
+            Error::input(e.to_string(), "copy the table again from its source").file(path.display().to_string())
+        };
         return LoopTable::decode(&bytes).map_err(refused);
     }
     let design =

@@ -81,5 +81,7 @@ impl Verb for Args {
 
 fn span(text: &str) -> Result<[f64; 2]> {
     let parsed = numbers("--span", text)?;
-    parsed.try_into().map_err(|_| Error::input("two temperatures: LO,HI").column("--span").value(text))
+    parsed.try_into().map_err(|_| {
+        Error::input("must be two temperatures", "write it like --span -20,60").column("--span").value(text)
+    })
 }

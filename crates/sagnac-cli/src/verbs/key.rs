@@ -81,8 +81,11 @@ impl Verb for Args {
 fn new(output: &Path, console: &mut Console) -> Ran {
     let public_path = output.with_extension("pub");
     if public_path == output {
-        return Err(Error::input("the public key gets this ending; give the private one another")
-            .file(output.display().to_string()));
+        return Err(Error::input(
+            "the public key gets this ending",
+            "give the private key another ending, such as unit.key",
+        )
+        .file(output.display().to_string()));
     }
     let failed = |e: sagnac_signature::KeyError| Error::io("key", "make", &std::io::Error::other(e));
     let key = Signer::generate().map_err(failed)?;
@@ -108,7 +111,8 @@ fn new_file(path: &Path, bytes: &[u8], mode: u32) -> Result<()> {
     let _ = mode;
     let mut file = options.open(path).map_err(|e| match e.kind() {
         std::io::ErrorKind::AlreadyExists => {
-            Error::input("exists already; a key is never written over").file(path.display().to_string())
+            Error::input("exists already, and a key is never overwritten", "choose a new name")
+                .file(path.display().to_string())
         }
         _ => Error::io_path(path, "create", &e),
     })?;
@@ -119,9 +123,8 @@ fn sign(image: &Path, key: &Path, args: &BlockArgs, output: &Path, console: &mut
     Files::new().reads([image, key]).writes([output]).check()?;
     let (decoded, bytes, before) = loading::signed_image(image)?;
     if before.is_some() {
-        return Err(
-            Error::input("is signed already; sign the image that export wrote").file(image.display().to_string())
-        );
+        return Err(Error::input("the image is signed already", "sign the image that `sagnac export` wrote")
+            .file(image.display().to_string()));
     }
     let block = block(key, args, &bytes)?;
     write_bytes(output, &[bytes.as_slice(), &block.encode()].concat())?;
@@ -131,8 +134,9 @@ fn sign(image: &Path, key: &Path, args: &BlockArgs, output: &Path, console: &mut
 
 fn check(path: &Path, key: &Path, model: Option<&str>, lowest: u32, console: &mut Console) -> Ran {
     let whole = loading::image_bytes_of(path)?;
-    let (_, block) =
-        SignatureBlock::split(&whole).map_err(|e| Error::input(e.to_string()).file(path.display().to_string()))?;
+    let (_, block) = SignatureBlock::split(&whole).map_err(|e| {
+        Error::input(e.to_string(), "copy the image again from its source").file(path.display().to_string())
+    })?;
     // Without --model the signed one is reported, not judged.
     let model = match (model, &block) {
         (Some(name), _) => model_bytes(name)?,
@@ -148,7 +152,8 @@ fn check(path: &Path, key: &Path, model: Option<&str>, lowest: u32, console: &mu
             Ok(Outcome::Done)
         }
         (Err(SignatureError::Image(error)), _) => {
-            Err(Error::input(format!("not a usable image: {error}")).file(path.display().to_string()))
+            Err(Error::input(format!("not a usable image: {error}"), "copy the image again from its source")
+                .file(path.display().to_string()))
         }
         (Err(error), block) => {
             console.say(format!("{}: NOT GOOD: {error}", path.display()));

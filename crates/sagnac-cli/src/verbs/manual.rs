@@ -46,7 +46,11 @@ pub(crate) fn run(args: &Args, mut program: Command, console: &mut Console) -> R
     program.set_bin_name("sagnac");
     if let Some(folder) = &args.output {
         if args.what != ManualForm::Man {
-            return Err(Error::input("only man pages are written to a folder; redirect the others").column("--output"));
+            return Err(Error::input(
+                "only man pages are written to a folder",
+                "redirect the others: sagnac manual cli > cli.md",
+            )
+            .column("--output"));
         }
         std::fs::create_dir_all(folder).map_err(|e| Error::io_path(folder, "make", &e))?;
         clap_mangen::generate_to(program, folder).map_err(|e| Error::io_path(folder, "write", &e))?;
@@ -229,13 +233,13 @@ fn meaning(arg: &Arg) -> String {
 }
 
 fn schema_of<T: schemars::JsonSchema>() -> Result<Value> {
-    serde_json::to_value(schemars::schema_for!(T)).map_err(|e| Error::input(format!("cannot describe the keys: {e}")))
+    serde_json::to_value(schemars::schema_for!(T)).map_err(|e| Error::defect(format!("cannot describe the keys: {e}")))
 }
 
 /// Keys of a file with their meaning, those of its sub-tables too.
 fn keys(schema: &Value) -> Result<String> {
     let mut out = String::from("| key | meaning |\n|---|---|\n");
-    let none = || Error::input("a schema without properties");
+    let none = || Error::defect("a schema without properties");
     for (key, property) in schema["properties"].as_object().ok_or_else(none)? {
         out += &format!("| `{key}` | {} |\n", description(property));
         let Some(table) = table_of(schema, property) else { continue };

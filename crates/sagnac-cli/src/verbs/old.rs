@@ -20,7 +20,7 @@ pub(crate) fn answer(words: &[String]) -> Option<Error> {
     };
     let rest = rest.iter().map(|word| if verb == "window" { windows_flag(word) } else { word.clone() });
     let command = format!("sagnac {now} {}", command_line(&rest.collect::<Vec<_>>()));
-    Some(Error::input(format!("`sagnac {verb}` is `sagnac {now}` now")).help(command.trim_end()))
+    Some(Error::input(format!("`sagnac {verb}` is `sagnac {now}` now"), command.trim_end()))
 }
 
 /// The flag for the table of windows, which `sagnac window` had as its output.

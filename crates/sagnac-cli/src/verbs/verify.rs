@@ -83,14 +83,19 @@ impl SheetArgs {
     fn sheet(&self) -> Result<Sheet> {
         let text = |flag: &str, text: &Option<String>| match text {
             Some(text) if text.chars().count() > MOST_ENTRY_CHARS || text.chars().any(char::is_control) => {
-                Err(Error::input(format!("at most {MOST_ENTRY_CHARS} characters, none of control")).column(flag))
+                Err(Error::input(
+                    format!("must have at most {MOST_ENTRY_CHARS} characters, and no control characters"),
+                    "shorten the text",
+                )
+                .column(flag))
             }
             text => Ok(text.clone()),
         };
         if let (Some(test), Some(report)) = (self.test_date, self.report_date)
             && test > report
         {
-            return Err(Error::input("a report is not made before its test").column("--report-date"));
+            return Err(Error::input("the report is dated before its test", "correct --report-date or --test-date")
+                .column("--report-date"));
         }
         Ok(Sheet {
             document: text("--document", &self.document)?,

@@ -408,14 +408,20 @@ fn forget_impossible(reference_dps: &mut [f64]) {
 fn angle_unit(layout: &Layout, setup: &Setup) -> Result<AngleUnit> {
     if !layout.is_count_log() {
         if setup.counter() == Counter::Cumulative {
-            return Err(Error::input("a cumulative counter is set up, but the log holds rates").column("counter"));
+            return Err(Error::input(
+                "counter = \"cumulative\" is set, but the log contains rates",
+                "remove counter from the setup",
+            )
+            .column("counter"));
         }
         return Ok(AngleUnit::Arcsec);
     }
     let arcsec_per_count = setup.arcsec_per_count.ok_or_else(|| {
-        Error::input("the log holds counts, but the size of a count in arcsec is not given")
-            .column("arcsec_per_count")
-            .help("give --arcsec-per-count or arcsec_per_count in the setup; it is never guessed")
+        Error::input(
+            "the log holds counts, but the size of a count in arcsec is not given",
+            "give --arcsec-per-count or arcsec_per_count in the setup; it is never guessed",
+        )
+        .column("arcsec_per_count")
     })?;
     Ok(AngleUnit::Quanta { arcsec_per_count, quantum: setup.quantum.unwrap_or(1.0) })
 }

@@ -23,7 +23,7 @@ impl<'a> Logs<'a> {
         match self.0.peek() {
             Some(Ok(log)) => Ok(log),
             Some(Err(error)) => Err(error.clone()),
-            None => Err(Error::input("no log given")),
+            None => Err(Error::input("no log is given", "give one or more log files")),
         }
     }
 

@@ -65,7 +65,7 @@ impl Shared {
         let mut rows = lock(&self.ready).spare.pop().unwrap_or_default();
         // A panic of a third-party decoder means that the file is damaged.
         let read = catch_unwind(AssertUnwindSafe(|| feed.next(&mut worker.text, &mut rows)));
-        let read = read.unwrap_or_else(|_| Err(Error::input("a damaged file (its decoder gave up)")));
+        let read = read.unwrap_or_else(|_| Err(Error::damaged("file (its decoder gave up)")));
         let number = reading.read;
         if matches!(read, Ok(false)) {
             reading.feed = None;
@@ -88,7 +88,7 @@ impl Shared {
                 }
                 rows
             }));
-            parsed.map_err(|_| Error::input("a defect of this program: a piece of the log could not be parsed"))
+            parsed.map_err(|_| Error::defect("a piece of the log could not be parsed"))
         });
         let mut ready = lock(&self.ready);
         if ended {

@@ -164,18 +164,29 @@ impl BenchSetup {
         for poll in &self.polls {
             in_range("bench.poll.every_s", Some(poll.every_s), 0.01, 3600.0)?;
             if poll.columns.is_empty() {
-                return Err(Error::input("an instrument without columns").column("bench.poll").value(&poll.source));
+                return Err(Error::input(
+                    "the instrument has no columns",
+                    "add columns = [{ name = \"…\", query = \"…\" }] to its [[bench.poll]]",
+                )
+                .column("bench.poll")
+                .value(&poll.source));
             }
             for column in &poll.columns {
                 column.check()?;
                 if names.contains(&column.name.as_str()) {
-                    return Err(Error::input("two polled columns of one name").column("name").value(&column.name));
+                    return Err(Error::input("two polled columns have the same name", "give each column its own name")
+                        .column("name")
+                        .value(&column.name));
                 }
                 names.push(&column.name);
             }
         }
         if names.len() > MAX_POLLED {
-            return Err(Error::input(format!("more than {MAX_POLLED} polled columns")).column("bench.poll"));
+            return Err(Error::input(
+                format!("more than {MAX_POLLED} polled columns"),
+                "remove columns from [[bench.poll]]",
+            )
+            .column("bench.poll"));
         }
         Ok(())
     }
@@ -184,16 +195,19 @@ impl BenchSetup {
 impl PollColumn {
     fn check(&self) -> Result<()> {
         in_range("bench.poll.scale", self.scale.map(f64::abs), 1e-12, 1e12)?;
-        let bad = |what: &str| Err(Error::input(what).column("bench.poll.columns").value(&self.name));
+        let bad = |what: &str, help: &str| Err(Error::input(what, help).column("bench.poll.columns").value(&self.name));
         if self.name.is_empty() || self.name.contains(controls) || self.name.contains([',', ';', '"']) {
-            return bad("a column needs a name, without separators, quotes and control characters");
+            return bad(
+                "the column has no name, or one with separators, quotes or control characters",
+                "write it like name = \"oven_c\"",
+            );
         }
         match (&self.query, self.register) {
             (Some(query), None) if query.trim().is_empty() || query.contains(controls) => {
-                bad("a question is one line of text")
+                bad("a query must be one line of text", "write it like query = \"MEAS:TEMP?\"")
             }
             (Some(_), None) | (None, Some(_)) => Ok(()),
-            _ => bad("a column has a `query` (SCPI) or a `register` (Modbus)"),
+            _ => bad("the column needs a `query` (SCPI) or a `register` (Modbus)", "set one of the two"),
         }
     }
 }

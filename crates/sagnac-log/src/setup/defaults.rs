@@ -38,7 +38,11 @@ impl Clock {
         };
         let period_ns = ns_from_s(seconds).unwrap_or(0);
         if period_ns < tick_ns || period_ns % tick_ns != 0 {
-            let error = Error::input("must be a whole number of ticks").column("temperature_period_s");
+            let error = Error::input(
+                "must be a whole number of ticks",
+                format!("set temperature_period_s to a multiple of {} s", tick_ns as f64 / 1e9),
+            )
+            .column("temperature_period_s");
             return Err(error.value(seconds.to_string()));
         }
         Ok(period_ns)

@@ -69,10 +69,14 @@ impl<T: Copy> PerAxis<T> {
         let have: Vec<String> = letters.iter().map(char::to_string).collect();
         let refused = |what: String| {
             let each: Vec<String> = have.iter().map(|axis| format!("{axis} = …")).collect();
-            Err(Error::input(what).column("input_rate_dph").help(format!(
-                "state one of each axis that is known: input_rate_dph = {{ {} }}, or axis_direction in [earth]",
-                each.join(", ")
-            )))
+            Err(Error::input(
+                what,
+                format!(
+                    "state one of each axis that is known: input_rate_dph = {{ {} }}, or axis_direction in [earth]",
+                    each.join(", ")
+                ),
+            )
+            .column("input_rate_dph"))
         };
         match self {
             Self::Only(_) if letters.len() > 1 => {
@@ -102,10 +106,16 @@ impl<T: Copy> PerAxis<T> {
     pub(super) fn check(&self, key: &str) -> Result<()> {
         let Self::Each(values) = self else { return Ok(()) };
         if let Some(axis) = values.keys().find(|axis| !axis.is_ascii_alphanumeric()) {
-            return Err(Error::input("an axis is one letter or digit").column(key).value(axis.to_string()));
+            return Err(Error::input(
+                "an axis is one letter or digit",
+                "write it like input_rate_dph = { x = 7.5, y = 0 }",
+            )
+            .column(key)
+            .value(axis.to_string()));
         }
         if values.is_empty() {
-            return Err(Error::input("names no axis; leave it out where it is not known").column(key));
+            return Err(Error::input("the table names no axis", format!("remove {key} if the values are not known"))
+                .column(key));
         }
         Ok(())
     }
@@ -124,7 +134,7 @@ impl FromStr for PerAxis<f64> {
     fn from_str(text: &str) -> Result<Self> {
         let number = |text: &str| {
             let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
-            value.ok_or_else(|| Error::input(format!("{text:?} is no rate in °/h")).help("one rate, or x=…,y=…,z=…"))
+            value.ok_or_else(|| Error::input(format!("{text:?} is no rate in °/h"), "one rate, or x=…,y=…,z=…"))
         };
         if !text.contains('=') {
             return number(text).map(Self::Only);
@@ -132,10 +142,10 @@ impl FromStr for PerAxis<f64> {
         let mut values = BTreeMap::new();
         for part in text.split(',') {
             let named = part.split_once('=').and_then(|(axis, value)| Some((axis.trim().parse::<char>().ok()?, value)));
-            let (axis, value) = named
-                .ok_or_else(|| Error::input(format!("{part:?} names no axis")).help("one rate, or x=…,y=…,z=…"))?;
+            let (axis, value) =
+                named.ok_or_else(|| Error::input(format!("{part:?} names no axis"), "one rate, or x=…,y=…,z=…"))?;
             if values.insert(axis, number(value)?).is_some() {
-                return Err(Error::input("the same axis twice").value(axis.to_string()));
+                return Err(Error::input("the same axis twice", "give each axis once").value(axis.to_string()));
             }
         }
         Ok(Self::Each(values))

@@ -210,7 +210,11 @@ impl AuxSetup {
             in_range("aux.valid_range", Some(lo), -1e12, 1e12)?;
             in_range("aux.valid_range", Some(hi), lo, 1e12)?;
             if lo == hi {
-                return Err(Error::input("must be two values, the lower first").column("aux.valid_range"));
+                return Err(Error::input(
+                    "must be two values, the lower first",
+                    "write it like valid_range = [0.0, 5.0]",
+                )
+                .column("aux.valid_range"));
             }
         }
         in_range("aux.stale_after_s", Some(self.stale_after_s), 0.0, 1e6)?;
@@ -218,7 +222,9 @@ impl AuxSetup {
         in_range("aux.offset", self.offset, -1e12, 1e12)?;
         in_range("aux.gain_per_code", self.gain_per_code.map(f64::abs), 1e-18, 1e12)?;
         if self.offset.is_some() != self.gain_per_code.is_some() {
-            return Err(Error::input("offset and gain_per_code go together").column("aux"));
+            return Err(
+                Error::input("offset and gain_per_code go together", "set both or neither under [[aux]]").column("aux")
+            );
         }
         Ok(())
     }
@@ -340,7 +346,7 @@ impl Setup {
     /// As [`Setup::read`].
     pub fn parse(text: &str) -> Result<Self> {
         let setup: Self = toml::from_str(text)
-            .map_err(|e| Error::toml("setup", text, &e).help("docs/reference/cli.md lists the keys"))?;
+            .map_err(|e| Error::toml("setup", text, &e, "correct the key: docs/reference/cli.md lists all of them"))?;
         setup.check()?;
         Ok(setup)
     }
@@ -387,7 +393,11 @@ impl Setup {
             in_range(name, Some(value).filter(|value| *value != 0.0), 1e-12, 1e4)?;
         }
         if self.noise.is_some_and(|n| n.n_deg_rt_h == 0.0 && n.q_arcsec == 0.0) {
-            return Err(Error::input("noise of zero is no floor; leave it out to have it measured").column("noise"));
+            return Err(Error::input(
+                "a noise floor of zero is impossible",
+                "remove [noise], and the program measures the floor",
+            )
+            .column("noise"));
         }
         for table in &self.tables {
             in_range("table.rate_dps", table.rate_dps, -1e4, 1e4)?;
@@ -398,7 +408,9 @@ impl Setup {
         for (at, aux) in self.aux.iter().enumerate() {
             aux.check()?;
             if self.aux[..at].iter().any(|other| other.name == aux.name) {
-                return Err(Error::input("the same auxiliary column twice").column("aux.name").value(&aux.name));
+                return Err(Error::input("the same auxiliary column twice", "remove one of the two [[aux]]")
+                    .column("aux.name")
+                    .value(&aux.name));
             }
         }
         Ok(())
@@ -413,20 +425,28 @@ impl Setup {
         let names =
             self.thermometers.iter().map(|t| t.name.as_str()).chain(self.aux.iter().map(|aux| aux.name.as_str()));
         if let Some(name) = names.into_iter().find(|name| name.contains(controls)) {
-            return Err(Error::input("a name has no control characters").column("name").value(name));
+            return Err(Error::input("a name contains control characters", "rename it").column("name").value(name));
         }
         if let Some(axis) = self.axis
             && !axis.is_ascii_alphanumeric()
         {
-            return Err(Error::input("an axis is one letter or digit").column("axis").value(axis.to_string()));
+            return Err(Error::input("an axis is one letter or digit", "write it like axis = \"x\"")
+                .column("axis")
+                .value(axis.to_string()));
         }
         if self.input_rate_dph.is_some() && self.earth.is_some() {
-            return Err(Error::input("input_rate_dph and [earth] both give the input rate; keep one").column("earth"));
+            return Err(Error::input(
+                "input_rate_dph and [earth] both give the input rate",
+                "remove one of them from the setup",
+            )
+            .column("earth"));
         }
         if self.counter_bits.is_some() && self.counter != Some(Counter::Cumulative) {
-            return Err(
-                Error::input("only a cumulative counter wraps; set counter = \"cumulative\"").column("counter_bits")
-            );
+            return Err(Error::input(
+                "only a cumulative counter wraps",
+                "set counter = \"cumulative\", or remove counter_bits",
+            )
+            .column("counter_bits"));
         }
         Ok(())
     }
@@ -439,7 +459,9 @@ pub fn is_serial(serial: &str) -> bool {
 
 /// The refusal of any other.
 pub fn not_a_serial(serial: &str) -> Error {
-    Error::input("a serial has 1 to 32 bytes and no control characters").column("serial").value(serial)
+    Error::input("a serial has 1 to 32 bytes and no control characters", "shorten it, such as --serial IMU-0042")
+        .column("serial")
+        .value(serial)
 }
 
 fn is_default(runs: &RunDivision) -> bool {
@@ -459,16 +481,23 @@ pub fn check_thermometer(t: &ThermometerSetup) -> Result<()> {
     in_range("thermometer.offset_c", t.offset_c, -127.0, 127.0)?;
     in_range("thermometer.gain_c_per_code", t.gain_c_per_code.map(f64::abs), 1e-8, 100.0)?;
     if t.offset_c.is_some() != t.gain_c_per_code.is_some() {
-        return Err(Error::input("offset_c and gain_c_per_code go together").column("thermometer"));
+        return Err(Error::input(
+            "offset_c and gain_c_per_code go together",
+            "set both or neither under [[thermometer]]",
+        )
+        .column("thermometer"));
     }
     Ok(())
 }
 
 fn in_range(name: &str, value: Option<f64>, lo: f64, hi: f64) -> Result<()> {
     match value {
-        Some(v) if !(lo..=hi).contains(&v) => {
-            Err(Error::input(format!("must be within {lo} … {hi}")).column(name).value(v.to_string()))
-        }
+        Some(v) if !(lo..=hi).contains(&v) => Err(Error::input(
+            format!("must be within {lo} … {hi}"),
+            format!("set {name} to a value between {lo} and {hi}"),
+        )
+        .column(name)
+        .value(v.to_string())),
         _ => Ok(()),
     }
 }

@@ -126,12 +126,15 @@ pub fn try_writing(path: &Path) -> Result<()> {
 
 fn refuse_no_file(path: &Path) -> Result<()> {
     if path.as_os_str() == "-" {
-        return Err(
-            Error::input("`-` is no file; leave -o away for standard output where a command has it").column("-o")
-        );
+        return Err(Error::input(
+            "`-` is not a file name",
+            "remove -o to write to standard output, or give a file name",
+        )
+        .column("-o"));
     }
     if path.is_dir() {
-        return Err(Error::input("this is a directory; give the name of a file").file(path.display().to_string()));
+        return Err(Error::input("this is a folder, and the output is a file", "give the name of a file in it")
+            .file(path.display().to_string()));
     }
     Ok(())
 }
@@ -148,7 +151,8 @@ fn target_of(path: &Path) -> Result<(PathBuf, PathBuf)> {
     let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned();
     if !folder.is_dir() {
         let what = format!("cannot write: the folder {} does not exist", folder.display());
-        return Err(Error::input(what).file(target.display().to_string()));
+        return Err(Error::input(what, format!("make it first: mkdir -p {}", folder.display()))
+            .file(target.display().to_string()));
     }
     Ok((target, folder))
 }

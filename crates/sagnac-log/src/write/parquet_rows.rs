@@ -133,7 +133,7 @@ pub struct ParquetRows<'a> {
 }
 
 fn failed(error: &dyn std::fmt::Display) -> Error {
-    Error::input(format!("cannot write Parquet: {error}"))
+    Error::input(format!("cannot write Parquet: {error}"), "write to another folder, or to a .csv file")
 }
 
 impl<'a> ParquetRows<'a> {

@@ -58,7 +58,11 @@ pub fn read_curve(path: &Path) -> Result<(Vec<BareCurve>, LogFile)> {
     let mut bytes = Vec::new();
     file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, "read", &e))?;
     if bytes.len() as u64 > MAX_BYTES {
-        return Err(Error::input("too large for a curve").file(name));
+        return Err(Error::input(
+            "the file is too large for an Allan curve",
+            "give a table with the columns tau_s and adev_dph",
+        )
+        .file(name));
     }
     let curves = parse_curve(&bytes).map_err(|e| e.file(&name))?;
     let rows = curves.iter().map(|curve| curve.points.len()).max().unwrap_or(0) as u64;
@@ -79,11 +83,12 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
         .trim(csv::Trim::All)
         .comment(Some(b'#'))
         .from_reader(text.strip_prefix(BOM).unwrap_or(text));
-    let unread = |e: &csv::Error| Error::input(format!("not a readable table: {e}"));
+    let unread = |e: &csv::Error| {
+        Error::input(format!("not a readable table: {e}"), "write a CSV table with the columns tau_s and adev_dph")
+    };
     let headers = csv.headers().map_err(|e| unread(&e))?.clone();
     let tau = headers.iter().position(|header| header == TAU);
-    let tau =
-        tau.ok_or_else(|| Error::input("no column `tau_s`").help("a curve has the columns tau_s and adev_dph"))?;
+    let tau = tau.ok_or_else(|| Error::input("no column `tau_s`", "a curve has the columns tau_s and adev_dph"))?;
     let columns: Vec<(usize, char, f64)> = headers
         .iter()
         .enumerate()
@@ -91,7 +96,7 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
         .collect();
     for (index, (_, axis, _)) in columns.iter().enumerate() {
         if columns[..index].iter().any(|(_, other, _)| other == axis) {
-            return Err(Error::input(format!("two columns of axis {axis}")).help("name them adev_dph_x, adev_dph_y …"));
+            return Err(Error::input(format!("two columns of axis {axis}"), "name them adev_dph_x, adev_dph_y …"));
         }
     }
     let mut curves: Vec<BareCurve> =
@@ -103,11 +108,16 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
             let cell = record.get(index).unwrap_or_default();
             let number = cell.parse().ok().filter(|v: &f64| v.is_finite() && *v > 0.0);
             let column = headers.get(index).unwrap_or_default();
-            number.ok_or_else(|| Error::input("must be a number above zero").line(line).column(column).value(cell))
+            number.ok_or_else(|| {
+                Error::input("must be a number above zero", "correct or remove this line")
+                    .line(line)
+                    .column(column)
+                    .value(cell)
+            })
         };
         let tau_s = value(tau)?;
         if !TAUS_S.contains(&tau_s) {
-            let error = Error::input("τ is between 1e-12 and 1e15 s").line(line).column(TAU);
+            let error = Error::input("τ is outside 1e-12 … 1e15 s", "write τ in seconds").line(line).column(TAU);
             return Err(error.value(format!("{tau_s:e}")));
         }
         for ((index, _, unit), curve) in columns.iter().zip(&mut curves) {
@@ -115,19 +125,22 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
                 continue;
             }
             if curve.points.last().is_some_and(|(last, _)| *last >= tau_s) {
-                return Err(Error::input("τ must rise from line to line").line(line).column(TAU));
+                return Err(Error::input("τ must rise from line to line", "sort the lines by τ")
+                    .line(line)
+                    .column(TAU));
             }
             let deviation_dph = value(*index)? * unit;
             if !DEVIATIONS_DPH.contains(&deviation_dph) {
                 let size = if deviation_dph < 1.0 { "small" } else { "large" };
-                let error = Error::input(format!("no gyro has so {size} a deviation")).line(line);
+                let error =
+                    Error::input(format!("no gyro has so {size} a deviation"), "write the deviation in °/h").line(line);
                 return Err(error.column(headers.get(*index).unwrap_or_default()).value(format!("{deviation_dph:e}")));
             }
             curve.points.push((tau_s, deviation_dph));
         }
     }
     if curves.iter().all(|curve| curve.points.is_empty()) {
-        return Err(Error::input("a curve without points").help("give rows of tau_s and adev_dph"));
+        return Err(Error::input("a curve without points", "give rows of tau_s and adev_dph"));
     }
     Ok(curves)
 }
@@ -138,8 +151,11 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
 /// A record too short for the curve's longest τ, or longer than any.
 pub fn budget_of_curves(curves: &[BareCurve], record_s: Option<f64>, input: LogFile) -> Result<NoiseBudget> {
     let one = |curve: &BareCurve| {
-        budget_of_curve(curve, record_s)
-            .map_err(|e| Error::input(e.to_string()).column("--duration").value(e.record_s.to_string()))
+        budget_of_curve(curve, record_s).map_err(|e| {
+            Error::input(e.to_string(), "give the length of the record in seconds, longer than the largest τ")
+                .column("--duration")
+                .value(e.record_s.to_string())
+        })
     };
     let axes: Vec<AxisBudget> = curves.iter().map(one).collect::<Result<_>>()?;
     Ok(NoiseBudget {

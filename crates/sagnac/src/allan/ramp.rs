@@ -142,7 +142,10 @@ impl RampDrift {
             run.dph.iter_mut().zip(fitted).for_each(|(column, value)| column.push(value));
         }
         if drifts.iter().any(|drift| drift.middle_ns.len() < 2) {
-            return Err(Error::refused("a run has fewer than two windows with a drift; nothing to remove"));
+            return Err(Error::refused(
+                "a run has fewer than two windows to remove a drift from",
+                "remove --detrend, or set a shorter --window",
+            ));
         }
         Ok(drifts)
     }

@@ -63,9 +63,11 @@ pub fn noise_budget<'a>(
     let shape = logs.shape()?;
     if !shape.timed && setup.sample_interval_s.is_none() {
         let file = logs.first()?.summary().file;
-        return Err(Error::input("no time column, and the interval of a row is not stated")
-            .file(file)
-            .help("give --sample-interval or sample_interval_s in the setup, or map the time column under [columns]"));
+        return Err(Error::input(
+            "no time column, and the interval of a row is not stated",
+            "give --sample-interval or sample_interval_s in the setup, or map the time column under [columns]",
+        )
+        .file(file));
     }
     let tau0_s = s_from_ns(shape.nominal_ns);
     let drifts = again.map(|again| RampDrift::of(again, setup)).transpose()?;
@@ -163,7 +165,7 @@ fn disturbed_text(axis: &AxisBudget) -> Option<String> {
 }
 
 fn bad_tau(error: TauError) -> Error {
-    Error::input(error.to_string()).column("--taus").value(error.tau_s.to_string())
+    Error::input(error.to_string(), "write it like --taus 1,10,100").column("--taus").value(error.tau_s.to_string())
 }
 
 /// What is being read.
@@ -321,13 +323,15 @@ impl Reading {
         let screened: Vec<Screened> = self.screens.into_iter().map(Screen::finish).collect();
         let longest = screened.iter().map(|axis| axis.used.stretches.longest()).max().unwrap_or(0);
         if screened.iter().all(|axis| axis.used.rows == 0) {
-            return Err(Error::input("no row of this log can be used").help("`sagnac inspect` says why"));
+            return Err(Error::input("no row of this log can be used", "`sagnac inspect` says why"));
         }
         let limit = request.taus.longest_shown(longest);
         if request.taus == Taus::All && limit > MOST_TAUS {
-            return Err(Error::input(format!("`all` would be {limit} τ; at most {MOST_TAUS} are shown"))
-                .column("--taus")
-                .help("leave it out for ten τ per decade, or name the τ you want"));
+            return Err(Error::input(
+                format!("`all` would be {limit} τ; at most {MOST_TAUS} are shown"),
+                "leave it out for ten τ per decade, or name the τ you want",
+            )
+            .column("--taus"));
         }
         let mut warnings = self.warnings;
         warnings.dedup();

@@ -8,6 +8,9 @@ use crate::calibration::{AxisCalibration, Calibration, CorrectionTerm, Input, In
 /// Largest value of an input.
 const MOST_OF_INPUT: f64 = 1e13;
 
+/// The remedy for a record with broken values.
+const BROKEN: &str = "calibrate again, or copy the file again from its source";
+
 impl Calibration {
     /// Checks every value against its range; names the first that fails.
     pub(super) fn check(&self) -> Result<()> {
@@ -21,7 +24,7 @@ impl Calibration {
         ];
         for (name, value) in positive {
             if value <= 0.0 || !value.is_finite() {
-                return Err(Error::input("must be a positive number").column(name).value(value.to_string()));
+                return Err(Error::input("must be a positive number", BROKEN).column(name).value(value.to_string()));
             }
         }
         let serial = &self.serial;
@@ -29,12 +32,12 @@ impl Calibration {
             return Err(not_a_serial(serial));
         }
         if self.axes.is_empty() {
-            return Err(Error::input("a calibration without an axis").column("axes"));
+            return Err(Error::input("the calibration has no axis", BROKEN).column("axes"));
         }
         for (i, axis) in self.axes.iter().enumerate() {
             if !axis.axis.is_ascii_alphanumeric() || self.axes[..i].iter().any(|a| a.axis == axis.axis) {
                 let what = "axes are letters or digits, each once";
-                return Err(Error::input(what).column("axes").value(axis.axis.to_string()));
+                return Err(Error::input(what, BROKEN).column("axes").value(axis.axis.to_string()));
             }
         }
         self.axes.iter().try_for_each(AxisCalibration::check)
@@ -45,25 +48,32 @@ impl AxisCalibration {
     fn check(&self) -> Result<()> {
         let named = |field: &str| format!("axes[{}].{field}", self.axis);
         let Some(main) = self.correction.inputs.first() else {
-            return Err(Error::input("the first input is the thermometer of the fit").column(named("inputs")));
+            return Err(
+                Error::input("the first input must be the thermometer of the fit", BROKEN).column(named("inputs"))
+            );
         };
         if let Some(warm_up) = &self.correction.warm_up {
             let sound = warm_up.value_dph.is_finite() && warm_up.tau_s.value > 0.0 && warm_up.tau_s.value.is_finite();
             if !sound {
-                let what = "a warm-up has a finite size and a time constant above zero";
-                return Err(Error::input(what).column(named("warm_up")).value(warm_up.words()));
+                return Err(Error::input("a warm-up must have a finite size and a time constant above zero", BROKEN)
+                    .column(named("warm_up"))
+                    .value(warm_up.words()));
             }
         }
         let [lo, hi] = main.span;
         if !(lo < hi && lo.is_finite() && hi.is_finite()) {
-            return Err(Error::input("must be an interval").column(named("span_c")).value(format!("{:?}", main.span)));
+            return Err(Error::input("must be an interval", BROKEN)
+                .column(named("span_c"))
+                .value(format!("{:?}", main.span)));
         }
         if !(lo..=hi).contains(&main.reference) {
             let what = "must lie within span_c";
-            return Err(Error::input(what).column(named("reference_c")).value(main.reference.to_string()));
+            return Err(Error::input(what, BROKEN).column(named("reference_c")).value(main.reference.to_string()));
         }
         let InputSource::Thermometer(name) = &main.source else {
-            return Err(Error::input("the first input is the thermometer of the fit").column(named("inputs")));
+            return Err(
+                Error::input("the first input must be the thermometer of the fit", BROKEN).column(named("inputs"))
+            );
         };
         check_thermometer(&ThermometerSetup {
             name: name.clone(),
@@ -81,26 +91,28 @@ impl AxisCalibration {
         let named = |field: &str| format!("axes[{}].terms[{at}].{field}", self.axis);
         let term = &self.correction.terms[at];
         if !term.value.is_finite() {
-            return Err(Error::input("must be finite").column(named("value")).value(term.value.to_string()));
+            return Err(Error::input("must be finite", BROKEN).column(named("value")).value(term.value.to_string()));
         }
         let Some(input) = self.input_of(term) else {
-            return Err(Error::input("a term over an input that the record does not have")
+            return Err(Error::input("the term names an input that the record does not contain", BROKEN)
                 .column(named("input"))
                 .value(&term.input));
         };
         let unit = self.unit_of(term);
         if term.unit != unit {
-            return Err(Error::input(format!("such a term is in {unit}")).column(named("unit")).value(&term.unit));
+            return Err(Error::input(format!("the unit of such a term must be {unit}"), BROKEN)
+                .column(named("unit"))
+                .value(&term.unit));
         }
         if let Some(fault) = term.shape.fault(input.scaling(), term.times_rate) {
-            return Err(Error::input(fault).column(named("shape")).value(term.shape.words()));
+            return Err(Error::input(fault, BROKEN).column(named("shape")).value(term.shape.words()));
         }
         let same = |other: &CorrectionTerm| other.form() == term.form() && other.input == term.input;
         if self.correction.terms[..at].iter().any(same) {
-            return Err(Error::input("the same term twice").column(named("shape")).value(self.name_of(term)));
+            return Err(Error::input("the same term twice", BROKEN).column(named("shape")).value(self.name_of(term)));
         }
         if term.times_rate && (input.lag_s.is_none() || input.rate_span_per_min.is_none()) {
-            return Err(Error::input("a rate term needs the lag_s and the rate_span_per_min of its input")
+            return Err(Error::input("a rate term needs lag_s and rate_span_per_min of its input", BROKEN)
                 .column(named("times_rate"))
                 .value(&term.input));
         }
@@ -130,7 +142,7 @@ impl AxisCalibration {
         rules.iter().find(|(_, holds)| !holds).map_or(Ok(()), |(field, _)| {
             let what = "must be finite, in order and given once; the valid range holds the span; a repeat follows an input of \
                         the same span, range and hold time with a shorter lag";
-            Err(Error::input(what).column(format!("axes[{}].inputs[{}].{field}", self.axis, input.name)))
+            Err(Error::input(what, BROKEN).column(format!("axes[{}].inputs[{}].{field}", self.axis, input.name)))
         })
     }
 

@@ -26,14 +26,20 @@ impl Calibration {
     pub fn parse(text: &str) -> Result<Self> {
         let head: Value = serde_json::from_str(text).map_err(|e| not_json(&e))?;
         if head.get("format").and_then(Value::as_str) != Some(FORMAT) {
-            return Err(Error::input("JSON, but no calibration of Sagnac").column("format"));
+            return Err(Error::input(
+                "the file is JSON, but not a calibration",
+                "give the file that `sagnac calibrate -o` wrote",
+            )
+            .column("format"));
         }
         if head.get("version").and_then(Value::as_u64) != Some(u64::from(VERSION)) {
             let version = head.get("version").map(ToString::to_string).unwrap_or_default();
-            return Err(Error::input(format!("this program reads version {VERSION}"))
-                .column("version")
-                .value(version)
-                .help("calibrate again from the logs, or use the program that wrote the record"));
+            return Err(Error::input(
+                format!("this program reads version {VERSION}"),
+                "calibrate again from the logs, or use the program that wrote the record",
+            )
+            .column("version")
+            .value(version));
         }
         within_bounds(&head, "")?;
         let is_newer = head.get("minor_version").and_then(Value::as_u64) > Some(u64::from(MINOR_VERSION));
@@ -47,7 +53,11 @@ impl Calibration {
         })
         .map_err(|e| not_json(&e))?;
         if let Some(field) = unknown.filter(|_| !is_newer) {
-            return Err(Error::input("a field that this version of the record does not have").column(field));
+            return Err(Error::input(
+                "this version of the record has no such field",
+                "remove the field, or calibrate again with this version",
+            )
+            .column(field));
         }
         calibration.check()?;
         Ok(calibration)
@@ -69,7 +79,7 @@ impl Calibration {
     /// A number that JSON cannot hold.
     pub fn to_json(&self) -> Result<String> {
         self.check()?;
-        let unwritten = |e: serde_json::Error| Error::input(format!("cannot write JSON: {e}"));
+        let unwritten = |e: serde_json::Error| Error::defect(format!("cannot write JSON: {e}"));
         let value = serde_json::to_value(self).map_err(unwritten)?;
         // A record that could not be read again is none.
         within_bounds(&value, "")?;
@@ -91,9 +101,12 @@ impl Calibration {
 fn within_bounds(value: &Value, place: &str) -> Result<()> {
     let below = |name: &str| if place.is_empty() { name.to_owned() } else { format!("{place}.{name}") };
     match value {
-        Value::Number(number) if number.as_f64().is_some_and(|value| value.abs() > MOST) => {
-            Err(Error::input("no quantity of a gyro is so large").column(place).value(number.to_string()))
-        }
+        Value::Number(number) if number.as_f64().is_some_and(|value| value.abs() > MOST) => Err(Error::input(
+            "the number is too large for a gyroscope",
+            "calibrate again, or copy the file again from its source",
+        )
+        .column(place)
+        .value(number.to_string())),
         Value::Array(all) => {
             all.iter().enumerate().try_for_each(|(at, value)| within_bounds(value, &below(&at.to_string())))
         }
@@ -113,5 +126,9 @@ impl std::str::FromStr for Calibration {
 fn not_json(error: &serde_json::Error) -> Error {
     let text = error.to_string();
     let what = text.rsplit_once(" at line ").map_or(text.as_str(), |(what, _)| what);
-    Error::input(format!("not a readable calibration: {what}")).line(error.line() as u64)
+    Error::input(
+        format!("not a readable calibration: {what}"),
+        "copy the file again from its source, or calibrate again",
+    )
+    .line(error.line() as u64)
 }

@@ -99,17 +99,22 @@ impl Target {
         let (clock, slew_ticks) = (setup.clock(), setup.slew_ticks);
         let (tick_ns, ticks) = (clock.tick_ns(), clock.period_ns()? / clock.tick_ns());
         let out_of_range = || {
-            Error::input(format!("{ticks} ticks in a temperature period; the target counts to {MAX_PERIOD_TICKS}"))
-                .column("temperature_period_s")
-                .help("give a shorter temperature_period_s or a longer tick_s in the setup")
+            Error::input(
+                format!("{ticks} ticks in a temperature period; the target counts to {MAX_PERIOD_TICKS}"),
+                "give a shorter temperature_period_s or a longer tick_s in the setup",
+            )
+            .column("temperature_period_s")
         };
         let period_ticks = u32::try_from(ticks).ok().filter(|t| (1..=MAX_PERIOD_TICKS).contains(t));
         let period_ticks = period_ticks.ok_or_else(out_of_range)?;
-        let tick_ns = u32::try_from(tick_ns).map_err(|_| Error::input("too long").column("tick_s"))?;
+        let tick_ns =
+            u32::try_from(tick_ns).map_err(|_| Error::input("too long", "set tick_s below 4 s").column("tick_s"))?;
         let slew_ticks = slew_ticks.unwrap_or(DEFAULT_SLEW_TICKS.min(period_ticks));
         if slew_ticks > period_ticks {
             let what = format!("the slew is longer than the temperature period of {period_ticks} ticks");
-            return Err(Error::input(what).column("slew_ticks").value(slew_ticks.to_string()));
+            return Err(Error::input(what, "set slew_ticks to at most the temperature period")
+                .column("slew_ticks")
+                .value(slew_ticks.to_string()));
         }
         Ok(Self { tick_ns, period_ticks, slew_ticks })
     }

@@ -256,7 +256,7 @@ pub fn compare(records: &[(String, Calibration)], limits: Option<&Limits>) -> Re
     for (name, other) in others {
         if other.serial != first.serial {
             let what = format!("a calibration of {:?}; {first_name} is of {:?}", other.serial, first.serial);
-            return Err(Error::input(what).file(name).column("serial").help("compare records of one unit"));
+            return Err(Error::input(what, "compare records of one unit").file(name).column("serial"));
         }
     }
     let of_axis = |letter: char| -> Option<Vec<&AxisCalibration>> {
@@ -265,7 +265,7 @@ pub fn compare(records: &[(String, Calibration)], limits: Option<&Limits>) -> Re
     let shared: Vec<(char, Vec<&AxisCalibration>)> =
         first.axes.iter().filter_map(|axis| Some((axis.axis, of_axis(axis.axis)?))).collect();
     if shared.is_empty() {
-        return Err(Error::input("no axis that every record has"));
+        return Err(Error::input("the records have no axis in common", "compare calibrations of the same axes"));
     }
     let axes: Result<Vec<ComparedAxis>> =
         shared.iter().map(|(letter, axes)| compare_axis(*letter, axes, records, limits)).collect();
@@ -296,7 +296,7 @@ fn shared_logs(records: &[(String, Calibration)]) -> Vec<String> {
 }
 
 fn few() -> Error {
-    Error::input("two calibrations or more are needed").help("sagnac compare january.cal.json may.cal.json")
+    Error::input("two calibrations or more are needed", "sagnac compare january.cal.json may.cal.json")
 }
 
 fn compare_axis(
@@ -307,17 +307,23 @@ fn compare_axis(
 ) -> Result<ComparedAxis> {
     for (axis, (name, _)) in axes.iter().zip(records) {
         if axis.fit.is_none() {
-            return Err(Error::input("a record without uncertainty (imported, not fitted); nothing to compare it by")
-                .file(name));
+            return Err(Error::input(
+                "the record has no uncertainty (imported, not fitted)",
+                "calibrate from the logs: sagnac calibrate run1.csv -o unit.cal.json",
+            )
+            .file(name));
         }
     }
     let lo_c = axes.iter().map(|axis| axis.span_c()[0]).fold(f64::NEG_INFINITY, f64::max);
     let hi_c = axes.iter().map(|axis| axis.span_c()[1]).fold(f64::INFINITY, f64::min);
     let reference_c = axes[0].reference_c();
     if !(lo_c..=hi_c).contains(&reference_c) || hi_c - lo_c <= 0.0 {
-        return Err(Error::refused(format!(
-            "axis {letter}: the records share {lo_c:.1} … {hi_c:.1} °C, and {reference_c} °C is not in it"
-        )));
+        return Err(Error::refused(
+            format!(
+                "axis {letter}: the records share {lo_c:.1} … {hi_c:.1} °C, without the reference {reference_c} °C"
+            ),
+            "calibrate with a reference_c that all tests cover",
+        ));
     }
     let width = (hi_c - lo_c) / (TEMPERATURES - 1) as f64;
     let temperatures: Vec<f64> = (0..TEMPERATURES).map(|i| lo_c + width * i as f64).collect();

@@ -33,29 +33,35 @@ pub struct Polynomial {
 pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
     setup.check()?;
     let order = polynomial.coefficients.len().checked_sub(1).filter(|order| *order <= usize::from(MAX_ORDER));
-    let order = order
-        .ok_or_else(|| Error::input(format!("needs 1 to {} coefficients", MAX_ORDER + 1)).column("--polynomial"))?;
+    let order = order.ok_or_else(|| {
+        Error::input(format!("needs 1 to {} coefficients", MAX_ORDER + 1), "write it like --polynomial 0.1,-2e-3,5e-6")
+            .column("--polynomial")
+    })?;
     let [lo_c, hi_c] = polynomial.span_c;
     if !(lo_c < hi_c && lo_c > -127.0 && hi_c < 127.0) {
-        return Err(Error::input("must be two temperatures, the lower first")
+        return Err(Error::input("must be two temperatures, the lower first", "write it like --span -20,60")
             .column("--span")
             .value(format!("{lo_c},{hi_c}")));
     }
     let sound = (1e-3..=1e6).contains(&polynomial.window_s) && polynomial.coefficients.iter().all(|c| c.is_finite());
     if !sound {
-        return Err(Error::input("coefficients must be finite, the window within 0.001 … 1e6 s").column("--polynomial"));
+        return Err(Error::input(
+            "coefficients must be finite, the window within 0.001 … 1e6 s",
+            "correct --polynomial or --window",
+        )
+        .column("--polynomial"));
     }
     let arcsec_per_count = setup.arcsec_per_count.ok_or_else(|| {
-        Error::input("the arcsec of a count are not stated").column("arcsec_per_count").help("give --arcsec-per-count")
+        Error::input("the arcsec of a count are not stated", "give --arcsec-per-count").column("arcsec_per_count")
     })?;
     let span = Span::on_grid(lo_c, hi_c);
     let reference_c = setup.reference_c();
     if !(lo_c..=hi_c).contains(&reference_c) {
-        return Err(Error::refused(format!(
-            "the reference temperature {reference_c} °C lies outside the span {lo_c} … {hi_c} °C"
-        ))
-        .column("reference_c")
-        .help("give --reference a temperature within the span"));
+        return Err(Error::refused(
+            format!("the reference temperature {reference_c} °C lies outside the span {lo_c} … {hi_c} °C"),
+            "give --reference a temperature within the span",
+        )
+        .column("reference_c"));
     }
     let ascending: Vec<f64> = polynomial.coefficients.iter().rev().copied().collect();
     let dph_per_count = arcsec_per_count / polynomial.window_s;

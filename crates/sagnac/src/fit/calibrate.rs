@@ -82,27 +82,33 @@ pub fn calibrate_with_report_data(
 
 fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
     if shape.thermometers.is_empty() {
-        return Err(Error::refused("the log has no temperature, so it holds no drift over temperature")
-            .help("name a column temperature_c, or map one under [columns]"));
+        return Err(Error::refused(
+            "the log has no temperature, so it holds no drift over temperature",
+            "name a column temperature_c, or map one under [columns]",
+        ));
     }
     let Some(wanted) = &setup.use_thermometer else {
         return Ok(0);
     };
     shape.thermometers.iter().position(|name| name == wanted).ok_or_else(|| {
-        Error::input("the log has no thermometer of this name")
-            .column("use_thermometer")
-            .value(wanted)
-            .help(format!("it has: {}", Error::choices(&shape.thermometers)))
+        Error::input(
+            "the log has no thermometer of this name",
+            format!("it has: {}", Error::choices(&shape.thermometers)),
+        )
+        .column("use_thermometer")
+        .value(wanted)
     })
 }
 
 /// Refuses a setup for a missing column, which would otherwise have no effect silently.
 fn check_aux(shape: &WindowShape, setup: &Setup) -> Result<()> {
     setup.aux.iter().find(|aux| !shape.aux.contains(&aux.name)).map_or(Ok(()), |stray| {
-        Err(Error::input("the log has no auxiliary column of this name")
-            .column("aux.name")
-            .value(&stray.name)
-            .help(format!("it has: {}", Error::choices(&shape.aux))))
+        Err(Error::input(
+            "the log has no auxiliary column of this name",
+            format!("it has: {}", Error::choices(&shape.aux)),
+        )
+        .column("aux.name")
+        .value(&stray.name))
     })
 }
 

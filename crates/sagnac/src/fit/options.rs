@@ -89,7 +89,9 @@ pub(crate) fn check_with_prior(options: &FitOptions) -> Result<()> {
         FitOptions { model: Model::Fixed(_), .. } => "--model",
         FitOptions { .. } => return Ok(()),
     };
-    Err(Error::input(format!("{what} does not go with a prior"))
-        .column("--prior")
-        .help("a prior has its own model, and its weights are those of Gaussian noise"))
+    Err(Error::input(
+        format!("{what} does not go with a prior"),
+        "a prior has its own model, and its weights are those of Gaussian noise",
+    )
+    .column("--prior"))
 }

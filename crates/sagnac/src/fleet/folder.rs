@@ -77,7 +77,7 @@ impl Results {
                 return Ok((UnitResult { lot: unit.lot.clone(), rig: unit.rig.clone(), ..before }, true));
             }
             (Answer::Unchanged, None) => {
-                return Err(Error::input("unchanged, and there is nothing before").file(&unit.name));
+                return Err(Error::defect("a unit is unchanged, but has no earlier result").file(&unit.name));
             }
         };
         let Files { result: of_result, record: of_record, proof: of_proof } = Files::of(&unit.name, &self.folder);
@@ -86,7 +86,7 @@ impl Results {
             text.map_or(Ok(()), |text| write_bytes(&path, text.as_bytes()))?;
         }
         let text = serde_json::to_string_pretty(&result)
-            .map_err(|e| Error::input(format!("cannot write the result of {}: {e}", unit.name)))?;
+            .map_err(|e| Error::defect(format!("cannot write the result of {}: {e}", unit.name)))?;
         write_bytes(&of_result, text.as_bytes())?;
         Ok((result, false))
     }
@@ -109,15 +109,17 @@ impl Results {
 pub fn results_in(folder: &Path) -> Result<Vec<UnitResult>> {
     let units = folder.join(UNITS);
     if !units.is_dir() {
-        return Err(Error::input("not a folder of `sagnac fleet calibrate`")
-            .file(folder.display().to_string())
-            .help(format!("such a folder has a folder {UNITS}/ with a result for each unit")));
+        return Err(Error::input(
+            "not a folder of `sagnac fleet calibrate`",
+            format!("such a folder has a folder {UNITS}/ with a result for each unit"),
+        )
+        .file(folder.display().to_string()));
     }
     let is_result = |path: &Path| path.extension().is_some_and(|ending| ending == "json");
     let read = |path: PathBuf| -> Result<UnitResult> {
         let text = fs::read(&path).map_err(|e| Error::io_path(&path, "read", &e))?;
         let broken = |what: String| {
-            Error::input(what).file(path.display().to_string()).help("remove the file and calibrate the fleet again")
+            Error::input(what, "remove the file and calibrate the fleet again").file(path.display().to_string())
         };
         let result: UnitResult =
             serde_json::from_slice(&text).map_err(|e| broken(format!("not the result of a unit: {e}")))?;
@@ -137,10 +139,9 @@ pub fn check_output(folder: &Path, source: &Path) -> Result<()> {
     if !is_within(folder, source) {
         return Ok(());
     }
-    Err(Error::input("the results would stand among the units")
+    Err(Error::input("the results would stand among the units", "give a folder beside that of the units")
         .column("--output")
-        .value(folder.display().to_string())
-        .help("give a folder beside that of the units"))
+        .value(folder.display().to_string()))
 }
 
 /// True for a folder that is another one or lies in it, or will.
@@ -183,9 +184,11 @@ fn locked(path: &Path) -> Result<File> {
     let file = file.map_err(|e| Error::io_path(path, "open", &e))?;
     match file.try_lock() {
         Ok(()) => Ok(file),
-        Err(fs::TryLockError::WouldBlock) => Err(Error::input("another program writes into this folder")
-            .file(path.display().to_string())
-            .help("wait until it has ended, or give another folder")),
+        Err(fs::TryLockError::WouldBlock) => Err(Error::input(
+            "another program writes into this folder",
+            "wait until it has ended, or give another folder",
+        )
+        .file(path.display().to_string())),
         Err(fs::TryLockError::Error(e)) => Err(Error::io_path(path, "lock", &e)),
     }
 }

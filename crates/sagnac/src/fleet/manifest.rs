@@ -112,9 +112,11 @@ struct Folder {
 }
 
 fn no_folder(place: &str) -> Error {
-    Error::input("no folder of a unit in this folder")
-        .file(place)
-        .help("each unit has a folder of its own with its logs; or give a pattern, data/{unit}.csv, or a manifest")
+    Error::input(
+        "no folder of a unit in this folder",
+        "each unit has a folder of its own with its logs; or give a pattern, data/{unit}.csv, or a manifest",
+    )
+    .file(place)
 }
 
 /// Each folder is a unit, by its name. One without logs is a unit too, which fails by that name.
@@ -156,7 +158,13 @@ fn gathered(logs: Vec<MatchedLog>) -> Result<Vec<Unit>> {
 pub fn units_in_manifest(path: &Path, folder: &Path) -> Result<Vec<Unit>> {
     let from_folder = |text: &str| if text.contains("://") { PathBuf::from(text) } else { folder.join(text) };
     let name = path.display().to_string();
-    let broken = |e: csv::Error| Error::input(format!("cannot read the manifest: {e}")).file(&name);
+    let broken = |e: csv::Error| {
+        Error::input(
+            format!("cannot read the manifest: {e}"),
+            "correct the line, docs/how-to/fleet.md shows a manifest",
+        )
+        .file(&name)
+    };
     let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "read", &e))?;
     let mut file = std::io::BufReader::new(file);
     let start = file.fill_buf().map_err(|e| Error::io_path(path, "read", &e))?;
@@ -165,11 +173,11 @@ pub fn units_in_manifest(path: &Path, folder: &Path) -> Result<Vec<Unit>> {
     let headers = reader.headers().map_err(broken)?.clone();
     let known = format!("its columns: {}; `unit` and `run` are needed", COLUMNS.join(", "));
     if let Some(odd) = headers.iter().find(|header| !COLUMNS.contains(header)) {
-        return Err(Error::input("a column that a manifest does not have").file(&name).column(odd).help(known));
+        return Err(Error::input("a column that a manifest does not have", known).file(&name).column(odd));
     }
     let column = |wanted: &str| headers.iter().position(|header| header == wanted);
     if let Some(missing) = ["unit", "run"].into_iter().find(|wanted| column(wanted).is_none()) {
-        return Err(Error::input("the manifest lacks a column").file(&name).column(missing).help(known));
+        return Err(Error::input("the manifest lacks a column", known).file(&name).column(missing));
     }
     let columns = COLUMNS.map(column);
     let mut units = Gathered::default();
@@ -179,7 +187,9 @@ pub fn units_in_manifest(path: &Path, folder: &Path) -> Result<Vec<Unit>> {
         let [unit, run, lot, rig, of, setup] = columns.map(|at| at.and_then(|at| record.get(at)).unwrap_or_default());
         let here = |e: Error| e.file(&name).line(line);
         if run.is_empty() {
-            return Err(here(Error::input("a line without a run").column("run")));
+            return Err(here(
+                Error::input("the line names no run", "write the log's path in the column `run`").column("run"),
+            ));
         }
         let own = Unit {
             name: unit.to_owned(),
@@ -191,7 +201,7 @@ pub fn units_in_manifest(path: &Path, folder: &Path) -> Result<Vec<Unit>> {
         units.add(own, of.parse().map_err(here)?, from_folder(run)).map_err(here)?;
     }
     if units.all.is_empty() {
-        return Err(Error::input("the manifest has no line").file(&name));
+        return Err(Error::input("the manifest has no lines", "add a line for each log: unit,run").file(&name));
     }
     Ok(units.all)
 }
@@ -219,15 +229,19 @@ impl Gathered {
         } else if let unit = &self.all[at]
             && (&unit.lot, &unit.rig, &unit.setup) != (&own.lot, &own.rig, &own.setup)
         {
-            return Err(Error::input("another lot, rig or setup than for a log of this unit before")
-                .column("unit")
-                .value(&own.name)
-                .help("a unit that was tested on two rigs is two entries with two names"));
+            return Err(Error::input(
+                "another lot, rig or setup than for a log of this unit before",
+                "a unit that was tested on two rigs is two entries with two names",
+            )
+            .column("unit")
+            .value(&own.name));
         }
         let unit = &mut self.all[at];
         let logs = if of == Use::Verify { &mut unit.retests } else { &mut unit.runs };
         if logs.contains(&log) {
-            return Err(Error::input("the same log twice").column("run").value(log.display().to_string()));
+            return Err(Error::input("the same log twice", "remove one of the two lines")
+                .column("run")
+                .value(log.display().to_string()));
         }
         logs.push(log);
         Ok(())
@@ -238,9 +252,9 @@ impl Gathered {
 fn checked(name: &str) -> Result<()> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || ['-', '_', '.', '='].contains(&c);
     if name.is_empty() || name.starts_with('.') || name.len() > MOST_LETTERS || !name.chars().all(is_plain) {
-        return Err(Error::input("not a name for a unit").column("unit").value(name).help(format!(
+        return Err(Error::input("not a name for a unit", format!(
             "up to {MOST_LETTERS} letters, digits, - _ . and =, without a point in front: it names files and is the serial number"
-        )));
+        )).column("unit").value(name));
     }
     Ok(())
 }

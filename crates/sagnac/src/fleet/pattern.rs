@@ -24,7 +24,11 @@ impl FromStr for Use {
         match text {
             "" | "calibrate" => Ok(Self::Calibrate),
             "verify" => Ok(Self::Verify),
-            _ => Err(Error::input("a log is for `calibrate` or `verify`").column("use").value(text)),
+            _ => {
+                Err(Error::input("a log is used for `calibrate` or `verify`", "name the folder or the column `use` so")
+                    .column("use")
+                    .value(text))
+            }
         }
     }
 }
@@ -61,7 +65,7 @@ pub(super) fn is_template(source: &Path) -> bool {
 /// An unknown name, a template without `{unit}`, no log that matches, two values of a name in one path.
 pub(super) fn matches(template: &Path, logs_of: impl FnOnce(&str) -> Result<Vec<PathBuf>>) -> Result<Vec<MatchedLog>> {
     let text = template.to_str().unwrap_or_default();
-    let wrong = |what: String| Error::input(what).file(text).help("such as data/{lot}/unit={unit}/run={run}.parquet");
+    let wrong = |what: String| Error::input(what, "such as data/{lot}/unit={unit}/run={run}.parquet").file(text);
     let folders: Vec<Vec<PatternPart>> =
         text.split('/').map(parts).collect::<std::result::Result<_, _>>().map_err(wrong)?;
     if !folders.iter().flatten().any(|part| *part == PatternPart::Any(Some("unit"))) {
@@ -74,13 +78,15 @@ pub(super) fn matches(template: &Path, logs_of: impl FnOnce(&str) -> Result<Vec<
     let glob: Vec<String> = folders.iter().map(|folder| folder.iter().map(as_glob).collect()).collect();
     let logs = logs_of(&glob.join("/"))?;
     let matched = |log: PathBuf| {
-        let text =
-            log.to_str().ok_or_else(|| Error::input("a name that is not Unicode").file(log.display().to_string()))?;
+        let text = log.to_str().ok_or_else(|| {
+            Error::input("the name is not Unicode", "rename the file").file(log.display().to_string())
+        })?;
         let mut values: BTreeMap<&'static str, String> = BTreeMap::new();
         // A pattern may begin with `./`, which the paths that it finds do not show.
         let plain = folders.iter().filter(|folder| **folder != [PatternPart::Text(".".to_owned())]);
         for (folder, name) in plain.zip(text.split('/').filter(|name| *name != ".")) {
-            take(folder, name, &mut values).map_err(|what| Error::input(what).file(text))?;
+            take(folder, name, &mut values)
+                .map_err(|what| Error::input(what, "correct the --pattern, such as '{unit}/{use}-*.csv'").file(text))?;
         }
         let mut value = |name: &str| values.remove(name).unwrap_or_default();
         let use_of_log = value("use").parse().map_err(|e: Error| e.file(text))?;

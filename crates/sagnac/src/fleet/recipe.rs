@@ -74,7 +74,7 @@ impl Recipe {
         let prior = prior.map(|file| file.prior.to_json().map(|text| (text, file.sha256))).transpose()?;
         let limits = limits.map(|limits| (limits.clone(), limits.source));
         let sent = Sent { program: program(), setup, model: model.to_string(), source_date_epoch, prior, limits };
-        serde_json::to_string(&sent).map_err(|e| Error::input(format!("cannot write the recipe: {e}")))
+        serde_json::to_string(&sent).map_err(|e| Error::defect(format!("cannot write the recipe: {e}")))
     }
 
     /// From text.
@@ -82,12 +82,16 @@ impl Recipe {
     /// # Errors
     /// What is no recipe, or one of another version of this program: records of two versions do not belong into one fleet.
     pub fn from_json(text: &str) -> Result<Self> {
-        let broken = |e: &dyn std::fmt::Display| Error::input(format!("not a recipe of a fleet: {e}"));
+        let broken = |e: &dyn std::fmt::Display| {
+            Error::input(format!("not a recipe of a fleet: {e}"), "run the same version of the program everywhere")
+        };
         let recipe: serde_json::Value = serde_json::from_str(text).map_err(|e| broken(&e))?;
         let theirs = recipe.get("program").and_then(serde_json::Value::as_str).unwrap_or_default();
         if theirs != program() {
-            return Err(Error::input(format!("asked by {theirs}, and this is {}", program()))
-                .help("start executors of the same version"));
+            return Err(Error::input(
+                format!("asked by {theirs}, and this is {}", program()),
+                "start executors of the same version",
+            ));
         }
         let Sent { setup, model, source_date_epoch, prior, limits, program: _ } =
             serde_json::from_value(recipe).map_err(|e| broken(&e))?;

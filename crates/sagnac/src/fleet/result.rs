@@ -126,12 +126,12 @@ impl Acceptance {
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Refusal {
-    /// What was wrong.
+    /// The cause.
     pub reason: String,
-    /// Where.
+    /// The place of the cause.
     pub place: String,
-    /// What to do.
-    pub help: Option<String>,
+    /// The remedy.
+    pub help: String,
 }
 
 impl From<Error> for Refusal {

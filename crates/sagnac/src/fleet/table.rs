@@ -33,7 +33,9 @@ type AxisRow<'a> = (&'a UnitResult, Option<&'a AxisResult>);
 
 pub(super) fn write(results: &[UnitResult], path: &Path) -> Result<()> {
     let rows: Vec<AxisRow<'_>> = results.iter().flat_map(rows_of).collect();
-    let broken = |e: &dyn std::fmt::Display| Error::input(format!("cannot write the table: {e}"));
+    let broken = |e: &dyn std::fmt::Display| {
+        Error::input(format!("cannot write the table: {e}"), "write the fleet to another folder")
+    };
     let batch = batch_of(&rows).map_err(|e| broken(&e))?;
     write_atomically(path, |out| {
         let mut writer =
@@ -62,13 +64,13 @@ pub struct TableSummary {
 pub fn table_summary(path: &Path) -> Result<Option<TableSummary>> {
     // The decoder is not ours; whatever it does with a damaged file, the file is what is bad.
     let read = std::panic::catch_unwind(|| summary(path));
-    let read = read.unwrap_or_else(|_| Err(Error::input("a damaged Parquet file (its decoder gave up)")));
+    let read = read.unwrap_or_else(|_| Err(Error::damaged("Parquet file (its decoder gave up)")));
     read.map_err(|e| e.file(path.display().to_string()))
 }
 
 fn summary(path: &Path) -> Result<Option<TableSummary>> {
     let open = || File::open(path).map_err(|e| Error::io_path(path, "open", &e));
-    let damaged = |e: &dyn std::fmt::Display| Error::input(format!("a damaged table of a fleet: {e}"));
+    let damaged = |e: &dyn std::fmt::Display| Error::damaged(format!("table of a fleet: {e}"));
     let schema = match parquet_schema(open()?) {
         Ok(schema) if schema.metadata().contains_key(METADATA_KEY) => schema,
         _ => return Ok(None),

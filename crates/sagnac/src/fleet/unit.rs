@@ -101,8 +101,10 @@ fn hash_of(text: &str) -> String {
 /// A panic while one unit is done is a defect of this program, and not the end of the fleet.
 fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
-        Err(Error::input("a defect of this program, not of the unit")
-            .help("calibrate the unit by itself, and report what that says with the log if you can"))
+        Err(Error::input(
+            "a defect of this program, not of the unit",
+            "calibrate the unit by itself, and report what that says with the log if you can",
+        ))
     })
 }
 
@@ -128,7 +130,7 @@ fn key_of(unit: &Unit, setup: &Setup, options: &FitOptions, recipe: &Recipe) -> 
     let limits = recipe.limits.as_ref().map(|limits| &limits.source);
     let logs = (hashes(&unit.runs)?, hashes(&unit.retests)?);
     let all = (VERSION, crate::calibration::program(), fit, setup, setup.memory.windows(), limits, logs);
-    let text = serde_json::to_string(&all).map_err(|e| Error::input(format!("cannot name the setup: {e}")))?;
+    let text = serde_json::to_string(&all).map_err(|e| Error::defect(format!("cannot name the setup: {e}")))?;
     Ok(hex(&sha256(text.as_bytes())))
 }
 
@@ -138,7 +140,9 @@ fn file_name(path: &std::path::Path) -> String {
 
 fn record_of(unit: &Unit, setup: &Setup, options: &FitOptions) -> Result<(Calibration, String)> {
     if unit.runs.is_empty() {
-        return Err(Error::input("no log of this unit").file(&unit.name));
+        return Err(
+            Error::input("the unit has no log for its calibration", "add one with `use` = calibrate").file(&unit.name)
+        );
     }
     let windows = WindowBuilder::read_all(open(&unit.runs, setup), setup)?.finish();
     let calibration = crate::fit::calibrate(windows, setup, options)?;
@@ -160,7 +164,7 @@ fn proof_of(
         None => proof,
     };
     let text = serde_json::to_string_pretty(&proof.verification)
-        .map_err(|e| Error::input(format!("cannot write the proof of {}: {e}", unit.name)))?;
+        .map_err(|e| Error::defect(format!("cannot write the proof of {}: {e}", unit.name)))?;
     Ok((proof.verification, text + "\n"))
 }
 

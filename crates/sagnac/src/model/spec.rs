@@ -352,11 +352,9 @@ impl FromStr for ModelSpec {
 
     fn from_str(text: &str) -> Result<Self> {
         let bad = |why: &str| {
-            Error::input(format!("{why} in the model")).column("--model").value(text).help(
-                "write `auto`, or orders such as `bias 3`, `bias 3, rate 1`, `bias 3, rate 1, slow rate 0` (two lags), `bias 2, zones 4`, \
+            Error::input(format!("{why} in the model"), "write `auto`, or orders such as `bias 3`, `bias 3, rate 1`, `bias 3, rate 1, slow rate 0` (two lags), `bias 2, zones 4`, \
                  `bias 2, bias(cavity - block) 1, steps(mode)` (bias and scale up to 8, rate up to 3, zones up to 8), or `harmonic(path_length_v) 25.3` with its period, `harmonic(path_length_v)` to fit \
-                 it",
-            )
+                 it").column("--model").value(text)
         };
         let mut spec = Self::default();
         let mut seen = Vec::new();

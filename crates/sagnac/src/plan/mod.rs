@@ -139,21 +139,27 @@ pub fn plan(request: &PlanRequest) -> Result<Plan> {
 fn check(request: &PlanRequest) -> Result<()> {
     request.chamber.check(request.prior.span_c)?;
     if request.prior.terms.iter().any(|term| term.starts_with("scale")) {
-        return Err(Error::refused("a test on a rate table is not planned: the prior has terms of the scale factor"));
+        return Err(Error::refused(
+            "a test on a rate table cannot be planned: the prior has terms of the scale factor",
+            "give a prior of chamber tests",
+        ));
     }
     if promise::judged(&request.limits).is_empty() {
-        return Err(Error::input("no limit that a calibration test decides")
-            .help(format!("they are: {}", Error::choices(&promise::NAMES.map(str::to_owned)))));
+        return Err(Error::input(
+            "no limit that a calibration test decides",
+            format!("they are: {}", Error::choices(&promise::NAMES.map(str::to_owned))),
+        ));
     }
     for (name, value) in [("probability", request.probability), ("share", request.share)] {
         if !(value > 0.0 && value < 1.0) {
-            return Err(Error::input("between 0 and 1").column(name).value(value.to_string()));
+            return Err(Error::input("must be between 0 and 1", format!("set --{name} to a fraction, such as 0.9"))
+                .column(name)
+                .value(value.to_string()));
         }
     }
     if request.noise.n_deg_rt_h.is_nan() || request.noise.n_deg_rt_h <= 0.0 {
-        return Err(Error::refused("the noise of the units is not known: the prior has no angle random walk")
-            .column("noise")
-            .help("its records show none where rows are long, such as 20 s; give a --setup with [noise], or log the fleet with shorter rows"));
+        return Err(Error::refused("the noise of the units is not known: the prior has no angle random walk", "its records show none where rows are long, such as 20 s; give a --setup with [noise], or log the fleet with shorter rows")
+            .column("noise"));
     }
     Ok(())
 }
@@ -173,11 +179,13 @@ fn none(request: &PlanRequest, nearest: Option<Promise>) -> Error {
         });
         format!("; the best has a probability of {:.2}{worst}", promise.probability)
     });
-    Error::refused(format!(
-        "no test of up to {} h meets these limits with a probability of {}{reached}",
-        request.hours_max, request.probability
-    ))
-    .help("allow more hours, a larger share of the limits, or slower ramps")
+    Error::refused(
+        format!(
+            "no test of up to {} h meets these limits with a probability of {}{reached}",
+            request.hours_max, request.probability
+        ),
+        "allow more hours, a larger share of the limits, or slower ramps",
+    )
 }
 
 /// The shortest candidate that does it; the nearest promise where none does. `all` are in the order of their lengths.

@@ -34,15 +34,23 @@ impl Chamber {
 
     pub(super) fn check(&self, [lo, hi]: [f64; 2]) -> Result<()> {
         if !(lo..=hi).contains(&self.start_c) {
-            return Err(Error::input(format!("the test starts outside of the fleet's {lo} … {hi} °C"))
-                .column("start_c")
-                .value(self.start_c.to_string()));
+            return Err(Error::input(
+                format!("the test starts outside the fleet's range of {lo} … {hi} °C"),
+                "set --start to a temperature in this range",
+            )
+            .column("start_c")
+            .value(self.start_c.to_string()));
         }
         if self.rates_cpm.is_empty() || self.rates_cpm.iter().any(|rate| !(0.01..=20.0).contains(rate)) {
-            return Err(Error::input("a chamber ramps at 0.01 … 20 °C/min").column("rates_cpm"));
+            return Err(Error::input(
+                "must be within 0.01 … 20 °C/min",
+                "give the ramp rates of the chamber, such as --rates 0.5,1",
+            )
+            .column("rates_cpm"));
         }
         if !(0.0..=240.0).contains(&self.block_lag_min) {
-            return Err(Error::input("a block lags by 0 … 240 min").column("block_lag_min"));
+            return Err(Error::input("must be within 0 … 240 min", "give the lag of the block in minutes")
+                .column("block_lag_min"));
         }
         Ok(())
     }

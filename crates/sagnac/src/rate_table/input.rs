@@ -58,12 +58,10 @@ impl RateTableInput {
                 None => {
                     return Err(Error::input(
                         "this run was turned, and the axis of the gyro about which is not stated",
+                        "give [[table]] with file and axis (\"z\", or \"-z\" for the other direction) in the setup",
                     )
                     .file(name)
-                    .column("table")
-                    .help(
-                        "give [[table]] with file and axis (\"z\", or \"-z\" for the other direction) in the setup",
-                    ));
+                    .column("table"));
                 }
             };
             for i in (0..windows.len()).filter(|i| rows.run[*i] as usize == run) {
@@ -126,12 +124,15 @@ impl RateTableInput {
         }
         let (letter, ppm) = (windows.shape.axes[axis], 1e6 * (1.0 / slope - 1.0));
         if !ppm.is_finite() {
-            let what = format!("axis {letter} does not follow the reference at all: no scale factor can be estimated");
-            return Err(Error::refused(what).column("scale_factor_deviation_max_ppm"));
+            return Err(Error::refused(
+                format!("axis {letter} does not follow the reference, so it has no scale factor"),
+                "correct the axis under [[table]], or the column of the reference rate",
+            )
+            .column("scale_factor_deviation_max_ppm"));
         }
         let error = Error::refused(format!(
             "the scale factor of axis {letter} would deviate by {ppm:.0} ppm from its nominal value; at most {most_ppm} ppm are accepted"
-        ))
+        ), "correct arcsec_per_count")
         .column("scale_factor_deviation_max_ppm");
         Err(if (slope + 1.0).abs() < 0.1 {
             error.help(format!(
@@ -169,8 +170,11 @@ fn axis_and_sign(words: &str) -> Result<(char, f64)> {
     let mut letters = letter.chars();
     match (letters.next(), letters.next()) {
         (Some(letter), None) if letter.is_ascii_alphanumeric() => Ok((letter, sign)),
-        _ => Err(Error::input("an axis of the gyro is a letter, with - for the other direction")
-            .column("table.axis")
-            .value(words)),
+        _ => Err(Error::input(
+            "must be the letter of a gyro axis, with - for the opposite direction",
+            "write it like axis = \"-z\"",
+        )
+        .column("table.axis")
+        .value(words)),
     }
 }

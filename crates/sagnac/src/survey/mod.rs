@@ -194,10 +194,13 @@ fn covered(windows: &Windows, setup: &Setup, main: Option<usize>) -> Result<()> 
     if hi - lo >= least_c {
         return Ok(());
     }
-    Err(Error::refused(format!(
-        "single readings reach {least_c} °C, but the means of the windows span only {:.2} °C",
-        (hi - lo).max(0.0)
-    )))
+    Err(Error::refused(
+        format!(
+            "single readings reach {least_c} °C, but the means of the windows span only {:.2} °C",
+            (hi - lo).max(0.0)
+        ),
+        "test over a wider range, or set a shorter --window",
+    ))
 }
 
 /// Whether the rows show noise.

@@ -81,7 +81,7 @@ impl SeenLogs {
         let of_rows = || self.rows.twin_of(&log.rows_sketch).and_then(|at| self.logs.get(at as usize));
         if let Some((what, twin)) = of_bytes.or_else(|| of_rows().map(|(_, file)| ("rows", file))) {
             let what = format!("holds the same {what} as {twin}; one run counts once");
-            return Err(Error::input(what).file(&log.file).help("give each log once"));
+            return Err(Error::input(what, "give each log once").file(&log.file));
         }
         self.rows.add(self.logs.len() as u32, &log.rows_sketch);
         self.logs.push((log.sha256.clone(), log.file.clone()));
@@ -102,9 +102,11 @@ impl WindowBuilder {
             && log.timed
             && seconds < 0.999 * sample_interval_s
         {
-            return Err(Error::input(format!("a window of {seconds} s is shorter than a row ({sample_interval_s} s)"))
-                .column("window")
-                .help("give a longer window, or `row` for one window per row"));
+            return Err(Error::input(
+                format!("a window of {seconds} s is shorter than a row ({sample_interval_s} s)"),
+                "give a longer window, or `row` for one window per row",
+            )
+            .column("window"));
         }
         let window = if log.timed { window } else { WindowSize::ROW };
         let nominal_s = window.seconds().unwrap_or(sample_interval_s);
@@ -401,13 +403,15 @@ impl WindowBuilder {
                 let follows = 2 * gap_ns >= -interval_ns && 2 * gap_ns <= 3 * interval_ns;
                 Ok(follows && self.is_on_table_of(name, &last.summary.file))
             }
-            RunDivision::One if gap_ns < -interval_ns / 2 => Err(Error::input(format!(
-                "begins {} s before the end of {}: one run has one time",
-                s_from_ns(-gap_ns),
-                last.summary.file
-            ))
-            .file(name)
-            .help("give the files in the order of their times, or leave out --one-run")),
+            RunDivision::One if gap_ns < -interval_ns / 2 => Err(Error::input(
+                format!(
+                    "begins {} s before the end of {}: one run has one time",
+                    s_from_ns(-gap_ns),
+                    last.summary.file
+                ),
+                "give the files in the order of their times, or leave out --one-run",
+            )
+            .file(name)),
             RunDivision::One => Ok(true),
         }
     }

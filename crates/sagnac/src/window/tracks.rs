@@ -177,7 +177,9 @@ fn too_many_values(columns: usize, period_ns: i64, memory: MemoryBudget) -> Erro
 }
 
 fn too_many_periods(period_ns: i64) -> Error {
-    Error::input(format!("the run is longer than {MAX_TRACK} temperature periods of {} s", s_from_ns(period_ns)))
-        .column("temperature_period_s")
-        .help("cut the log into shorter files (each is a run), or give a longer temperature_period_s in the setup")
+    Error::input(
+        format!("the run is longer than {MAX_TRACK} temperature periods of {} s", s_from_ns(period_ns)),
+        "cut the log into shorter files (each is a run), or give a longer temperature_period_s in the setup",
+    )
+    .column("temperature_period_s")
 }

@@ -102,7 +102,7 @@ enum StopWhen {
 impl Verb for Args {
     fn run(&self, console: &mut Console) -> Ran {
         if !loading::has_extension(&self.output, "parquet") {
-            return Err(Error::input("a recording is written as Parquet: give it the ending .parquet")
+            return Err(Error::input("a recording is written as Parquet", "give it the ending .parquet")
                 .file(self.output.display().to_string()));
         }
         let journal = journal_of(&self.output);
@@ -117,9 +117,11 @@ impl Verb for Args {
         page_address(self)?;
         if !self.finish {
             if self.output.exists() && !self.resume {
-                return Err(Error::input("a log of this name is there already")
-                    .file(self.output.display().to_string())
-                    .help("give another -o; --resume goes on with its recording"));
+                return Err(Error::input(
+                    "a log of this name is there already",
+                    "give another -o; --resume goes on with its recording",
+                )
+                .file(self.output.display().to_string()));
             }
             let request = LiveRequest { model: model.clone(), every_minute: is_replay(&setup), enough };
             record(self, &setup, request, &journal, console)?;
@@ -154,14 +156,18 @@ fn enough_of(args: &Args, setup: &Setup) -> Result<Option<EnoughRequest>> {
     let bench = &setup.bench;
     if args.stop_when == StopWhen::Met {
         if bench.limits.is_none() {
-            return Err(Error::input("--stop-when met needs the limits that the unit is to meet")
-                .column("--limits")
-                .help("give --limits, or limits under [bench]"));
+            return Err(Error::input(
+                "--stop-when met needs the limits that the unit is to meet",
+                "give --limits, or limits under [bench]",
+            )
+            .column("--limits"));
         }
         if bench.span_c.is_none() {
-            return Err(Error::input("--stop-when met needs the temperatures that the calibration is to cover")
-                .column("bench.span_c")
-                .help("give span_c = [-40, 70] under [bench]"));
+            return Err(Error::input(
+                "--stop-when met needs the temperatures that the calibration is to cover",
+                "give span_c = [-40, 70] under [bench]",
+            )
+            .column("bench.span_c"));
         }
     }
     let Some(limits) = &bench.limits else { return Ok(None) };
@@ -269,10 +275,9 @@ fn page_address(args: &Args) -> Result<Option<SocketAddr>> {
         return Ok(None);
     }
     args.page_address.parse().map(Some).map_err(|_| {
-        Error::input("not an address")
+        Error::input("not an address", "an address is 127.0.0.1:8647, or `none`")
             .column("--page")
             .value(&args.page_address)
-            .help("an address is 127.0.0.1:8647, or `none`")
     })
 }
 

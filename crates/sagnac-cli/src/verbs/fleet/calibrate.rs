@@ -66,9 +66,11 @@ impl Verb for Args {
         let units = units_of(&self.source)?;
         let setup = self.setup.over(Setup::default())?;
         if setup.serial.is_some() {
-            return Err(Error::input("one serial number for all units")
-                .column("serial")
-                .help("take it out: each unit has its name, or the serial number of its own setup"));
+            return Err(Error::input(
+                "one serial number for all units",
+                "take it out: each unit has its name, or the serial number of its own setup",
+            )
+            .column("serial"));
         }
         let prior = self.prior.as_deref().map(PriorFile::read).transpose()?;
         let limits = self.limits.as_deref().map(Limits::named_or_read).transpose()?;

@@ -50,7 +50,9 @@ impl Verb for Args {
     fn run(&self, console: &mut Console) -> Ran {
         let folder = &self.output;
         if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) {
-            return Err(Error::input("the folder is not empty").column("--output").value(folder.display().to_string()));
+            return Err(Error::input("the folder is not empty", "give a new folder, or delete this one first")
+                .column("--output")
+                .value(folder.display().to_string()));
         }
         let factory = Site { factory: Factory { seed: self.seed }, folder };
         console.say(format!(
@@ -99,7 +101,7 @@ impl Test {
 
     /// As `sagnac plan` writes it, from 20 °C.
     fn planned(steps: &str) -> Result<Self> {
-        let broken = || Error::input("not the steps of a plan").value(steps);
+        let broken = || Error::defect("these are not the steps of a plan").value(steps);
         let mut legs = Vec::new();
         for line in steps.lines().skip(1) {
             let numbers: Vec<f64> = line.split(',').filter_map(|cell| cell.parse().ok()).collect();
@@ -195,7 +197,10 @@ impl Site<'_> {
         if output.status.code().is_some_and(|status| may_end.contains(&status)) {
             return Ok(());
         }
-        Err(Error::input(String::from_utf8_lossy(&output.stderr).trim().to_owned()))
+        Err(Error::input(
+            String::from_utf8_lossy(&output.stderr).trim().to_owned(),
+            "correct what this command of the demonstration reports",
+        ))
     }
 }
 

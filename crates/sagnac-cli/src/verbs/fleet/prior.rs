@@ -56,7 +56,8 @@ impl Verb for Args {
                 None => one,
             });
         }
-        let prior = all.ok_or_else(|| Error::input("no fleet"))?;
+        let prior =
+            all.ok_or_else(|| Error::input("no fleet is given", "give a folder of `sagnac fleet calibrate`"))?;
         console.say(described(&prior));
         if let Some(path) = &self.output {
             write_bytes(path, prior.to_json()?.as_bytes())?;
@@ -72,13 +73,17 @@ fn of(fleet: &Path, args: &Args) -> Result<Prior> {
     if !fleet.is_dir() {
         let prior = Prior::read(fleet)?;
         if let Some(rig) = args.without_rig.first() {
-            let what = "a prior does not know which units were on a rig";
-            return Err(here(Error::input(what).column("--without-rig").value(rig)).help("give the fleet's folder"));
+            return Err(here(
+                Error::input("a prior does not contain the rigs of its units", "give the fleet's folder")
+                    .column("--without-rig")
+                    .value(rig),
+            ));
         }
         return match &args.model {
-            Some(model) if *model != prior.model => {
-                Err(here(Error::input(format!("a prior for `{}`, not for `{model}`", prior.model))))
-            }
+            Some(model) if *model != prior.model => Err(here(Error::input(
+                format!("the prior is for `{}`, not for `{model}`", prior.model),
+                format!("set --model to `{}`, or give the fleet's folder", prior.model),
+            ))),
             _ => Ok(prior),
         };
     }
@@ -87,7 +92,14 @@ fn of(fleet: &Path, args: &Args) -> Result<Prior> {
         let before = results.len();
         results.retain(|unit| unit.rig != *rig);
         if results.len() == before {
-            return Err(here(Error::input("no unit of this rig").column("--without-rig").value(rig)));
+            return Err(here(
+                Error::input(
+                    "no unit of the fleet has this rig",
+                    "give a rig name from the column `rig` of the fleet's manifest",
+                )
+                .column("--without-rig")
+                .value(rig),
+            ));
         }
     }
     Prior::learned(&results, args.model.as_deref()).map_err(here)

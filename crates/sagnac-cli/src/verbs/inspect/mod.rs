@@ -62,8 +62,10 @@ impl Verb for Args {
         };
         let kind = loading::kind_of(file)?;
         let is_more_asked = self.report.is_asked() || self.windows.is_some();
-        let no_log =
-            || Error::input("a report and a table of windows are made of a log").file(file.display().to_string());
+        let no_log = || {
+            Error::input("a report and a table of windows need a log", "give a log, or remove --report and --windows")
+                .file(file.display().to_string())
+        };
         if is_more_asked && !matches!(kind, FileKind::Log) {
             return Err(no_log());
         }

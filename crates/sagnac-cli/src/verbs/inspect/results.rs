@@ -74,8 +74,13 @@ pub(super) fn json(path: &Path, console: &mut Console) -> Result<bool> {
     let axes = peek.axes.unwrap_or_default();
     let serial = peek.serial.unwrap_or_default();
     if peek.image_sha256.is_some() && peek.record_sha256.is_some() {
-        let proof: Verification = serde_json::from_str(&text)
-            .map_err(|e| Error::input(format!("not a whole verification: {e}")).file(path.display().to_string()))?;
+        let proof: Verification = serde_json::from_str(&text).map_err(|e| {
+            Error::input(
+                format!("not a whole verification: {e}"),
+                "write it again: sagnac verify unit.cal.json retest.csv --json",
+            )
+            .file(path.display().to_string())
+        })?;
         return said("verification", verification(&proof), console);
     }
     if let (Some(records), Some(_)) = (&peek.records, peek.shared_logs) {
@@ -191,8 +196,10 @@ pub(super) fn recognised(path: &Path, console: &mut Console) -> Result<bool> {
 
 fn loop_table(path: &Path, console: &mut Console) -> Result<bool> {
     let bytes = loading::image_bytes_of(path)?;
-    let refused =
-        |e: String| Error::input(format!("not a usable table of the loops: {e}")).file(path.display().to_string());
+    let refused = |e: String| {
+        Error::input(format!("not a usable table of the loops: {e}"), "copy the table again from its source")
+            .file(path.display().to_string())
+    };
     let table = LoopTable::decode(&bytes).map_err(|e| refused(e.to_string()))?;
     said("loop_table", format!("a table of the control loops for a tick of {} ns", table.tick_ns), console)
 }

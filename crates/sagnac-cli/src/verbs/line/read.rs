@@ -58,9 +58,12 @@ const MOST_ANSWERS: usize = 100;
 impl Verb for Args {
     fn run(&self, console: &mut Console) -> Ran {
         if !(self.tick_us > 0.0 && self.tick_us <= 1e6) {
-            return Err(Error::input("must be above 0 and at most a million")
-                .column("--tick-us")
-                .value(self.tick_us.to_string()));
+            return Err(Error::input(
+                "must be above 0 and at most a million",
+                "give the tick in microseconds, such as --tick-us 500",
+            )
+            .column("--tick-us")
+            .value(self.tick_us.to_string()));
         }
         Files::new().reads([&self.input]).writes(&self.output).check()?;
         self.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV"))?;
@@ -130,7 +133,7 @@ fn pour(args: &Args, tally: &mut FrameTally, out: &mut dyn Write) -> Result<()> 
     }
     tally.damaged_bytes = reader.skipped() + reader.buffered() as u64;
     if tally.outputs == 0 && tally.answers.is_empty() {
-        let error = Error::input("holds no frame of a gyro").help("docs/reference/serial-line.md has the format");
+        let error = Error::input("holds no frame of a gyro", "docs/reference/serial-line.md has the format");
         return Err(error.file(input.display().to_string()));
     }
     out.flush().map_err(|e| written(&e))

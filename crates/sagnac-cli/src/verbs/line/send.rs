@@ -79,14 +79,17 @@ impl Verb for Args {
 
 /// A message as bytes of the line.
 pub(crate) fn frame_bytes(message: &Message) -> Result<Vec<u8>> {
-    let frame = message.frame().ok_or_else(|| Error::input("the message does not fit a frame"))?;
+    let frame =
+        message.frame().ok_or_else(|| Error::input("the message does not fit a frame", "shorten the names in it"))?;
     let (bytes, len) = frame.bytes();
     Ok(bytes.get(..len).unwrap_or(&[]).to_vec())
 }
 
 /// The answer to a challenge, as `sagnac line read` printed it.
 fn answer(key: &Path, serial: &str, axis: char, challenge: &str) -> Result<[u8; 64]> {
-    let bad = |what: &str, name: &'static str, value: &str| Error::input(what.to_owned()).column(name).value(value);
+    let bad = |what: &str, name: &'static str, value: &str| {
+        Error::input(what, "copy it from the output of `sagnac line read`").column(name).value(value)
+    };
     let mut padded = [0; 32];
     match padded.get_mut(..serial.len()) {
         Some(room) => room.copy_from_slice(serial.as_bytes()),

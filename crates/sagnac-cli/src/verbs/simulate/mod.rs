@@ -100,7 +100,8 @@ fn check_files(args: &Args, scenario: &Path) -> Result<()> {
     args.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
     let parquet = |path: &&PathBuf| loading::has_extension(path, "parquet");
     if let Some(path) = args.truth.iter().find(parquet) {
-        return Err(Error::input("the truth is written as CSV only").file(path.display().to_string()));
+        return Err(Error::input("the truth is written as CSV only", "give it the ending .csv")
+            .file(path.display().to_string()));
     }
     args.report.check_with(Files::new().reads([scenario]).writes(&args.output).writes(&args.truth))
 }
@@ -116,7 +117,14 @@ fn scenario(args: &Args, path: &Path) -> Result<Scenario> {
     for text in &args.fault {
         scenario.fault.push(fault(text, length_s)?);
         // The file was good: what is wrong now is what was just added.
-        scenario.build().map_err(|problem| Error::input(problem.to_string()).column("--fault").value(text))?;
+        scenario.build().map_err(|problem| {
+            Error::input(
+                problem.to_string(),
+                "write it as KIND@START+SECONDS:SIZE, docs/reference/scenario.md lists each kind with its range",
+            )
+            .column("--fault")
+            .value(text)
+        })?;
     }
     Ok(scenario)
 }
@@ -126,12 +134,18 @@ fn fault(text: &str, length_s: f64) -> Result<Fault> {
     let (kind, rest) = text.split_once('@').map_or((text, None), |(kind, rest)| (kind, Some(rest)));
     let unknown = || {
         let names = FaultKind::ALL.map(|(_, name)| name).join(", ");
-        Error::input(format!("no such fault; there are {names}")).column("--fault").value(text)
+        Error::input("no such fault", format!("choose one of {names}")).column("--fault").value(text)
     };
     let mut fault = Fault::of_kind(kind.parse::<FaultKind>().map_err(|_| unknown())?, length_s);
     if let Some(rest) = rest {
-        let form =
-            || Error::input("a fault is KIND@START+SECONDS or KIND@START+SECONDS:SIZE").column("--fault").value(text);
+        let form = || {
+            Error::input(
+                "a fault needs a start and a duration",
+                "write it as KIND@START+SECONDS or KIND@START+SECONDS:SIZE",
+            )
+            .column("--fault")
+            .value(text)
+        };
         let (at, rest) = rest.split_once('+').ok_or_else(form)?;
         let (length, size) = rest.split_once(':').map_or((rest, None), |(length, size)| (length, Some(size)));
         let number = |text: &str| text.parse::<f64>().map_err(|_| form());
@@ -179,7 +193,7 @@ impl<'a> RowsOut<'a> {
 }
 
 fn unwritten(error: std::io::Error) -> Error {
-    Error::input(format!("cannot write: {error}"))
+    Error::cannot("write", &error)
 }
 
 /// The log, and the truth beside it where it is asked for; how many rows there were.
@@ -208,7 +222,13 @@ fn pour(
     truth: Option<&mut (dyn Write + Send)>,
     recorder: &mut Option<ChartRecorder>,
 ) -> Result<u64> {
-    let invalid = |problem: ScenarioError| Error::input(problem.message.clone()).column(problem.key);
+    let invalid = |problem: ScenarioError| {
+        Error::input(
+            problem.message.clone(),
+            "correct the key in the scenario, docs/reference/scenario.md lists its range",
+        )
+        .column(problem.key)
+    };
     let mut run = scenario.build().map_err(invalid)?.start(seed);
     let mut text = LogText::new(scenario);
     let mut log = RowsOut::new(path, &text, out)?;
@@ -266,9 +286,7 @@ fn describe(scenario: &Scenario, seed: u64, rows: u64, console: &mut Console) {
 
 fn bode(args: &Args, path: &Path, scenario: &Scenario, console: &mut Console) -> Ran {
     if args.output.is_some() || args.truth.is_some() {
-        return Err(
-            Error::input("--bode sweeps the loops and makes no log; leave -o and --truth away").column("--bode")
-        );
+        return Err(Error::input("--bode sweeps the loops and writes no log", "remove -o and --truth").column("--bode"));
     }
     let refused = |problem: ScenarioError| loading::scenario_refused(path, &problem);
     let design = LoopDesign::build(scenario).map_err(refused)?;

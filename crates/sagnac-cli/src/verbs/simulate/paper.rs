@@ -59,7 +59,7 @@ pub(super) fn run(seed: u64, report: &ReportArgs, console: &mut Console) -> Ran 
         rig.arcsec_per_count
     ));
     let axis = calibration.axes.first();
-    let monomial = axis.and_then(|axis| axis.monomial.as_ref()).ok_or_else(|| Error::input("no curve"))?;
+    let monomial = axis.and_then(|axis| axis.monomial.as_ref()).ok_or_else(|| Error::defect("no curve"))?;
     let sigmas = monomial.sigma.clone().unwrap_or_default();
     let names = ["C", "B", "A"];
     let rows = (0..3).rev().map(|power| {
@@ -84,7 +84,7 @@ pub(super) fn run(seed: u64, report: &ReportArgs, console: &mut Console) -> Ran 
 }
 
 fn describe(console: &mut Console, proof: &Verification) -> Result<()> {
-    let axis = proof.axes.first().ok_or_else(|| Error::input("no axis"))?;
+    let axis = proof.axes.first().ok_or_else(|| Error::defect("no axis"))?;
     let paper = |name: &str, values: [f64; 4]| {
         let cells = values.map(|v| format!("{v:.2}"));
         [vec![name.to_owned(), "not given".to_owned()], cells.to_vec(), vec![String::new()]].concat()

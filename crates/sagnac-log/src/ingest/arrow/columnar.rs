@@ -124,7 +124,7 @@ fn names(schema: &Schema) -> Vec<String> {
 fn spooled(source: Source) -> Result<File> {
     let mut reader = source.reader;
     let mut file = tempfile::tempfile().map_err(|e| Error::io("a temporary file", "make", &e))?;
-    std::io::copy(&mut reader, &mut file).map_err(|e| Error::input(format!("cannot read on: {e}")))?;
+    std::io::copy(&mut reader, &mut file).map_err(|e| Error::cannot("read", &e))?;
     Ok(file)
 }
 
@@ -190,9 +190,11 @@ impl Columnar {
 
 fn wrong_type(schema: &Schema, name: &str) -> Error {
     let kind = schema.field_with_name(name).map_or(String::new(), |field| field.data_type().to_string());
-    Error::input(format!("a column of type {kind}, where numbers are needed"))
-        .column(name)
-        .help("write it as a number, or map it to \"ignore\" under [columns]")
+    Error::input(
+        format!("a column of type {kind}, where numbers are needed"),
+        "write it as a number, or map it to \"ignore\" under [columns]",
+    )
+    .column(name)
 }
 
 /// Record batches to rows.
@@ -247,7 +249,11 @@ fn rows_of_short_text(batch: &RecordBatch) -> Result<usize> {
         for (sum, bytes) in all.iter_mut().zip(text_bytes(column)) {
             // No longer than a line of text may be.
             if bytes > MAX_LINE_BYTES {
-                return Err(Error::input("a field of more than 1 MiB of text").column(field.name()));
+                return Err(Error::input(
+                    "a text field is larger than 1 MiB",
+                    "map the column to \"ignore\" under [columns], or remove it from the file",
+                )
+                .column(field.name()));
             }
             *sum += bytes;
         }
@@ -272,7 +278,7 @@ impl Hashing {
 
     /// Waits until every byte is in the hash.
     fn finish(&mut self) -> Result<()> {
-        let unread = |e: std::io::Error| Error::input(format!("cannot read on: {e}"));
+        let unread = |e: std::io::Error| Error::cannot("read", &e);
         match std::mem::replace(self, Self::Done) {
             Self::Done => Ok(()),
             Self::OfRows(mut hash) => {
@@ -280,7 +286,7 @@ impl Hashing {
                 Ok(())
             }
             Self::Parallel(thread) => {
-                let defect = |_| Error::input("a defect of this program: the file could not be hashed");
+                let defect = |_| Error::defect("the file could not be hashed");
                 thread.join().map_err(defect)?.map(|_| ()).map_err(unread)
             }
             Self::After(path, hash) => {
@@ -319,7 +325,13 @@ impl ColumnFeed {
     }
 
     fn column<'a>(&self, batch: &'a RecordBatch, index: usize) -> Result<&'a dyn Array> {
-        let missing = || Error::input("a part of the file lacks this column").column(&self.layout.headers[index]);
+        let missing = || {
+            Error::input(
+                "a part of the file lacks this column",
+                "write the file again with the same columns in every part",
+            )
+            .column(&self.layout.headers[index])
+        };
         self.decoded(batch, index).ok_or_else(missing)
     }
 

@@ -11,11 +11,11 @@ use crate::error::{Error, Result};
 
 /// Runs a decoder; its panic becomes an error about the file.
 pub(super) fn guarded<T>(decode: impl FnOnce() -> Result<T>) -> Result<T> {
-    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err(Error::input("a damaged file (its decoder gave up)")))
+    catch_unwind(AssertUnwindSafe(decode)).unwrap_or_else(|_| Err(Error::damaged("file (its decoder gave up)")))
 }
 
 pub(super) fn broken(what: &str, error: &dyn std::fmt::Display) -> Error {
-    Error::input(format!("not a readable {what}: {error}"))
+    Error::damaged(format!("{what}: {error}"))
 }
 
 /// An error of Arrow's decoder, or one of our own in it.
@@ -39,7 +39,7 @@ fn own_or_broken(what: &str, error: Box<dyn std::error::Error + Send + Sync>) ->
 }
 
 pub(super) fn clone_of(file: &File) -> Result<File> {
-    file.try_clone().map_err(|e| Error::input(format!("cannot read: {e}")))
+    file.try_clone().map_err(|e| Error::cannot("read", &e))
 }
 
 /// True where an unpacking reader has more bytes than were announced. A damaged one has not: its decoder reports it.

@@ -38,7 +38,7 @@ fn messages_at(file: &mut File, form: ArrowForm) -> Result<u64> {
         return Ok(0);
     }
     let mut start = [0; PADDING];
-    let unreadable = |e: std::io::Error| Error::input(format!("cannot read: {e}"));
+    let unreadable = |e: std::io::Error| Error::cannot("read", &e);
     file.seek(SeekFrom::Start(0)).map_err(unreadable)?;
     file.read_exact(&mut start).map_err(|_| truncated())?;
     let first = start.chunks_exact(8).skip(1).position(|word| word.starts_with(&[0xff; 4]));
@@ -46,7 +46,7 @@ fn messages_at(file: &mut File, form: ArrowForm) -> Result<u64> {
 }
 
 fn truncated() -> Error {
-    Error::input("a truncated or damaged Arrow file").help("copy or write it again")
+    Error::input("a truncated or damaged Arrow file", "copy or write it again")
 }
 
 /// A decoder, with the columns of these places alone, if any are given: the others are not unpacked.
@@ -57,7 +57,7 @@ pub(crate) fn arrow_reader(
 ) -> Result<StreamReader<BufReader<File>>> {
     let mut file = clone_of(file)?;
     let at = messages_at(&mut file, form)?;
-    file.seek(SeekFrom::Start(at)).map_err(|e| Error::input(format!("cannot read: {e}")))?;
+    file.seek(SeekFrom::Start(at)).map_err(|e| Error::cannot("read", &e))?;
     StreamReader::try_new_buffered(file, wanted).map_err(|e| broken("Arrow file", &e))
 }
 
@@ -67,7 +67,7 @@ pub(crate) fn arrow_reader(
 /// # Errors
 /// What is wrong, or too large.
 pub(crate) fn check_arrow(file: &mut File, form: ArrowForm, memory: MemoryBudget) -> Result<()> {
-    let unreadable = |e: std::io::Error| Error::input(format!("cannot read: {e}"));
+    let unreadable = |e: std::io::Error| Error::cannot("read", &e);
     let size = file.metadata().map_err(unreadable)?.len();
     if form == ArrowForm::File {
         let mut tail = [0; 6];
@@ -88,7 +88,10 @@ pub(crate) fn check_arrow(file: &mut File, form: ArrowForm, memory: MemoryBudget
         file.read_exact(&mut head).map_err(|_| truncated())?;
         let [mark, length] = [&head[..4], &head[4..]].map(|part| i32::from_le_bytes(part.try_into().unwrap_or([0; 4])));
         if mark != -1 {
-            return Err(Error::input("a damaged Arrow file, or one of a version before 0.15"));
+            return Err(Error::input(
+                "a damaged Arrow file, or one of a version before 0.15",
+                "write it again with a current version of Arrow",
+            ));
         }
         if length == 0 {
             return Ok(());
@@ -98,7 +101,10 @@ pub(crate) fn check_arrow(file: &mut File, form: ArrowForm, memory: MemoryBudget
             return Err(truncated());
         }
         if length > MOST_METADATA {
-            return Err(Error::input("a message of an Arrow file with more than 8 MiB of metadata"));
+            return Err(Error::input(
+                "an Arrow message has more than 8 MiB of metadata",
+                "write the file again without metadata",
+            ));
         }
         let mut metadata = vec![0; length as usize];
         file.read_exact(&mut metadata).map_err(|_| truncated())?;
@@ -126,7 +132,7 @@ struct MessageSizes {
 
 /// The sizes of a message, if they are consistent; `share` is what it may unpack to.
 fn check_message(metadata: &[u8], file: &mut File, body_at: u64, size: u64, share: u64) -> Result<MessageSizes> {
-    let damaged = |e: &dyn std::fmt::Display| Error::input(format!("a damaged Arrow file: {e}"));
+    let damaged = |e: &dyn std::fmt::Display| Error::damaged(format!("Arrow file: {e}"));
     let message = arrow_ipc::root_as_message(metadata).map_err(|e| damaged(&e))?;
     let body = u64::try_from(message.bodyLength()).map_err(|e| damaged(&e))?;
     if body_at.saturating_add(body) > size {

@@ -62,7 +62,7 @@ pub(crate) fn refusal(start: &[u8], file: Option<&Path>) -> Option<Error> {
     let with = if own.is_empty() { String::new() } else { format!(", with {}", own.join(" and ")) };
     let file = file.unwrap_or("log");
     let command = with_names(command, file, &format!("{file}.csv"));
-    Some(Error::input(format!("this is {name}, which is not read here")).help(format!("convert it{with}: {command}")))
+    Some(Error::input(format!("this is {name}, which is not read here"), format!("convert it{with}: {command}")))
 }
 
 /// The command with its two names.
@@ -79,7 +79,7 @@ mod tests {
         for (magic, name, own, command) in FOREIGN {
             let start = [magic, b" and more"].concat();
             let error = refusal(&start, Some(Path::new("runs/a-1.mat"))).unwrap();
-            let help = error.help.unwrap();
+            let help = error.help;
             assert!(error.what.contains(name), "{name}");
             assert_eq!(help.matches("'runs/a-1.mat").count(), 2, "{help}");
             assert_eq!(help.matches("'runs/a-1.mat.csv'").count(), 1, "{help}");
@@ -92,7 +92,7 @@ mod tests {
     #[test]
     fn a_name_that_a_shell_would_change_is_left_to_the_user() {
         for file in [None, Some("my log.mat"), Some("$(reboot).mat"), Some("o'clock.mat"), Some("C:\\log.mat")] {
-            let help = refusal(b"TDSm", file.map(Path::new)).unwrap().help.unwrap();
+            let help = refusal(b"TDSm", file.map(Path::new)).unwrap().help;
             assert!(help.starts_with("convert it, with your file for 'log': ") && help.contains("'log.csv'"), "{help}");
         }
     }

@@ -118,7 +118,9 @@ impl Source {
         let name = path.display().to_string();
         let file = File::open(path).map_err(|e| Error::io(&name, "open", &e))?;
         if file.metadata().is_ok_and(|m| m.is_dir()) {
-            return Err(Error::input("this is a directory; a log is a file").file(name));
+            return Err(
+                Error::input("this is a folder, and a log is a file", "give the name of a file in it").file(name)
+            );
         }
         let plain = file.metadata().is_ok_and(|m| m.is_file());
         let source = Self::from_reader(name, Box::new(Watched { file, done: 0, watch }))?;

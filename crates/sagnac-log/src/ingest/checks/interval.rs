@@ -59,9 +59,7 @@ impl TimeSteps {
         }
         let interval_s = significant(self.typical_ns as f64 / NS_PER_S, 6);
         let what = format!("the time column has a row every {interval_s} s (mean of the first {} steps)", self.number);
-        Err(Error::input(what).column("sample_interval_s").value(s_from_ns(given_ns).to_string()).help(
-            "give that with --sample-interval (sample_interval_s), or leave it out where the log is a file; map the time column to \"ignore\" under [columns] if it is wrong",
-        ))
+        Err(Error::input(what, "give that with --sample-interval (sample_interval_s), or leave it out where the log is a file; map the time column to \"ignore\" under [columns] if it is wrong").column("sample_interval_s").value(s_from_ns(given_ns).to_string()))
     }
 }
 
@@ -73,7 +71,10 @@ pub(crate) fn nominal_interval(
     mode: ReadMode,
     ahead: &mut VecDeque<RawRows>,
 ) -> Result<i64> {
-    let out_of_range = || Error::input("out of range").column("sample_interval_s");
+    let out_of_range = || {
+        Error::input("out of range", "set sample_interval_s to the seconds between two rows, such as 0.01")
+            .column("sample_interval_s")
+    };
     let given = setup.sample_interval_s.map(|s| ns_from_s(s).ok_or_else(out_of_range)).transpose()?;
     if layout.time.is_none() {
         return untimed(layout, setup, given);
@@ -96,20 +97,19 @@ pub(crate) fn nominal_interval(
 /// A table without a time column.
 fn untimed(layout: &Layout, setup: &Setup, given: Option<i64>) -> Result<i64> {
     if let Some(header) = layout.unread_time(&setup.columns, given.is_none()) {
-        return Err(Error::input("looks like a time, but its unit is not known")
-            .column(header)
-            .help("map it under [columns] to time_s, time_ms, time_us, time_ns, or time for dates of ISO 8601; or to \"ignore\""));
+        return Err(Error::input("looks like a time, but its unit is not known", "map it under [columns] to time_s, time_ms, time_us, time_ns, or time for dates of ISO 8601; or to \"ignore\"")
+            .column(header));
     }
     match given {
         Some(given_ns) => Ok(given_ns),
-        None if layout.is_count_log() => {
-            Err(Error::input("counts without a time column, and the length of a row is not given")
-                .column("sample_interval_s")
-                .help(format!(
-                    "give --sample-interval, or map the column of the time under [columns]; the log has: {}",
-                    layout.headers.join(", ")
-                )))
-        }
+        None if layout.is_count_log() => Err(Error::input(
+            "counts without a time column, and the length of a row is not given",
+            format!(
+                "give --sample-interval, or map the column of the time under [columns]; the log has: {}",
+                layout.headers.join(", ")
+            ),
+        )
+        .column("sample_interval_s")),
         None => Ok(1_000_000_000),
     }
 }
@@ -165,7 +165,7 @@ fn no_interval(read: usize, times: &[i64], layout: &Layout, ahead: &VecDeque<Raw
             ("time does not advance in the first rows, so the interval of a row is unknown", "look at the time column")
         }
     };
-    let error = Error::input(what).help(help);
+    let error = Error::input(what, help);
     if times.is_empty() && read > 0 && is_unreadable(ahead) { error.column(header) } else { error }
 }
 

@@ -56,9 +56,7 @@ impl RunningTotal {
                 let what = format!(
                     "the counts of axis {letter} {way} in {of} of the {moves} steps between rows that differ, as a running total does"
                 );
-                return Err(Error::input(what).column("counter").help(
-                    "for a total set counter = \"cumulative\" (--counter cumulative), with counter_bits if it wraps; for counts of each row, which noise moves up and down, counter = \"incremental\"",
-                ));
+                return Err(Error::input(what, "for a total set counter = \"cumulative\" (--counter cumulative), with counter_bits if it wraps; for counts of each row, which noise moves up and down, counter = \"incremental\"").column("counter"));
             }
         }
         Ok(())

@@ -143,21 +143,27 @@ pub fn role_of(header: &str) -> Result<Role> {
         _ => Ok(Role::Ignored),
     };
     if lower.contains(controls) && !matches!(role, Ok(Role::Ignored)) {
-        return Err(Error::input("a header has no control characters").column(header));
+        return Err(
+            Error::input("a header contains control characters", "rename the column in the file").column(header)
+        );
     }
     role
 }
 
 /// The error for a log that Sagnac has already corrected.
 pub fn already_compensated() -> Error {
-    Error::refused("this log is already compensated; a second compensation would be wrong twice")
-        .help("use the log that `sagnac compensate` read")
+    Error::refused(
+        "this log is already compensated; a second compensation would be wrong twice",
+        "use the log that `sagnac compensate` read",
+    )
 }
 
 /// The error for a table of windows instead of a log.
 pub fn table_of_windows() -> Error {
-    Error::input("a table of windows, not a log")
-        .help("give the logs that it was made from: sagnac calibrate LOG.csv -o unit.cal.json")
+    Error::input(
+        "a table of windows, not a log",
+        "give the logs that it was made from: sagnac calibrate LOG.csv -o unit.cal.json",
+    )
 }
 
 fn time_role(header: &str, unit: &str) -> Result<Role> {
@@ -195,9 +201,11 @@ fn rate_role(header: &str, rest: &str) -> Result<Role> {
 }
 
 fn unknown_unit(header: &str, unit: &str, known: &str) -> Error {
-    Error::input(format!("unknown unit {unit:?}; known here: {known}"))
-        .column(header)
-        .help("rename the header, or map it under [columns] in the setup")
+    Error::input(
+        format!("unknown unit {unit:?}; known here: {known}"),
+        "rename the header, or map it under [columns] in the setup",
+    )
+    .column(header)
 }
 
 fn axis_of(header: &str, text: &str) -> Result<Option<char>> {
@@ -205,7 +213,11 @@ fn axis_of(header: &str, text: &str) -> Result<Option<char>> {
     match (letters.next(), letters.next()) {
         (None, _) => Ok(None),
         (Some(axis), None) if axis.is_ascii_alphanumeric() => Ok(Some(axis)),
-        _ => Err(Error::input("an axis is one letter after the last underscore").column(header)),
+        _ => Err(Error::input(
+            "the axis in a header must be one letter after the last underscore",
+            "rename the header, such as counts_x",
+        )
+        .column(header)),
     }
 }
 
@@ -241,23 +253,27 @@ impl Layout {
             return Err(table_of_windows());
         }
         if let Some(missing) = columns.keys().find(|name| !layout.headers.contains(name)) {
-            return Err(Error::input(format!("[columns] maps {missing:?}, but the log has no such header"))
-                .help(format!("the log has: {}", layout.headers.join(", "))));
+            return Err(Error::input(
+                format!("[columns] maps {missing:?}, but the log has no such header"),
+                format!("the log has: {}", layout.headers.join(", ")),
+            ));
         }
         let mut seen = HashSet::new();
         for (index, header) in layout.headers.clone().iter().enumerate() {
             // A column without a name is not read, and there may be several.
             if !header.is_empty() && !seen.insert(header.as_str()) {
-                return Err(Error::input("this header is there twice").column(header));
+                return Err(
+                    Error::input("duplicate column", "rename or remove one of the two in the file").column(header)
+                );
             }
             let role = match columns.get(header) {
                 Some(name) => match role_of(name)? {
                     Role::Ignored if name != "ignore" => {
-                        return Err(Error::input(format!(
-                            "[columns] maps it to {name:?}, which is no header of Sagnac"
-                        ))
-                        .column(header)
-                        .help(format!("known: {RECOGNISED}, ignore")));
+                        return Err(Error::input(
+                            format!("[columns] maps it to {name:?}, which is no header of Sagnac"),
+                            format!("known: {RECOGNISED}, ignore"),
+                        )
+                        .column(header));
                     }
                     role => role,
                 },
@@ -270,7 +286,13 @@ impl Layout {
     }
 
     fn place(&mut self, index: usize, header: &str, role: Role, default_axis: char) -> Result<()> {
-        let twice = || Error::input("a second column of the same kind; map one of them to \"ignore\"").column(header);
+        let twice = || {
+            Error::input(
+                "a second column of the same kind",
+                format!("map one of them under [columns]: {header:?} = \"ignore\""),
+            )
+            .column(header)
+        };
         match role {
             Role::Time { places } => self.place_time(index, header, places).ok_or_else(twice)?,
             Role::Reference(column) if self.reference.is_none() => self.reference = Some((index, column)),
@@ -336,19 +358,25 @@ impl Layout {
 
     fn check(&self) -> Result<()> {
         if self.temperatures.len() > MAX_THERMOMETERS || self.aux.len() > MAX_AUX {
-            return Err(Error::input(format!(
-                "more than {MAX_THERMOMETERS} thermometers or {MAX_AUX} auxiliary columns"
-            ))
-            .help("map those that are not needed to \"ignore\" under [columns]"));
+            return Err(Error::input(
+                format!("more than {MAX_THERMOMETERS} thermometers or {MAX_AUX} auxiliary columns"),
+                "map those that are not needed to \"ignore\" under [columns]",
+            ));
         }
         if self.axes.is_empty() {
-            return Err(Error::input("no column of counts or rates").help(format!(
-                "the log has: {}; recognised: {RECOGNISED}; map others under [columns] of a setup, which `sagnac init` begins",
-                self.headers.join(", ")
-            )));
+            return Err(Error::input(
+                "no column of counts or rates",
+                format!(
+                    "the log has: {}; recognised: {RECOGNISED}; map others under [columns] of a setup, which `sagnac init` begins",
+                    self.headers.join(", ")
+                ),
+            ));
         }
         if self.axes.iter().any(|a| a.2.is_none()) && self.axes.iter().any(|a| a.2.is_some()) {
-            return Err(Error::input("both counts and rates; map one of them to \"ignore\""));
+            return Err(Error::input(
+                "the log contains both counts and rates",
+                "map one of them to \"ignore\" under [columns]",
+            ));
         }
         Ok(())
     }

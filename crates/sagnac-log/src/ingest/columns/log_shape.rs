@@ -74,7 +74,12 @@ impl LogShape {
 /// # Errors
 /// What differs.
 pub fn same_shape(first: &LogShape, other: &LogShape) -> Result<()> {
-    let differs = |what: &str| Err(Error::input(format!("{what} differ from those of the first log")));
+    let differs = |what: &str| {
+        Err(Error::input(
+            format!("{what} differ from those of the first log"),
+            "analyse logs of one layout at a time: remove this one, or map its columns under [columns]",
+        ))
+    };
     if first.axes != other.axes {
         return differs("axes");
     }

@@ -19,6 +19,7 @@ use crate::ingest::bytes::source::Source;
 use crate::ingest::columns::feed::MAX_LINE_BYTES;
 use crate::ingest::columns::header::{self, COMPENSATED_STAMP, Role, role_of};
 use crate::ingest::columns::number::is_missing;
+use crate::ingest::text::lines::line_without_end;
 use crate::setup::Setup;
 
 /// Most blank lines and comments above the headers.
@@ -65,9 +66,11 @@ pub(crate) fn read_header(source: &mut Source, setup: &Setup) -> Result<TextHead
     let mut names = split(&line.text, delimiter).map_err(|e| e.line(line.number))?;
     fit_to_rows(&mut names, &head.lines_below(delimiter)?);
     if names.iter().all(|h| h.parse::<f64>().is_ok()) {
-        return Err(Error::input("the first line holds numbers, not headers")
-            .line(line.number)
-            .help(format!("put a line of headers above it; recognised: {}", header::RECOGNISED)));
+        return Err(Error::input(
+            "the first line holds numbers, not headers",
+            format!("put a line of headers above it; recognised: {}", header::RECOGNISED),
+        )
+        .line(line.number));
     }
     let units = head.line_of_units(names.len(), delimiter)?;
     let (headers, read_as) = with_units(names, units.as_deref(), setup).map_err(|e| e.line(line.number + 1))?;
@@ -93,7 +96,8 @@ pub(crate) fn refuse_binary(source: &mut Source) -> Result<()> {
     let is_utf8 = std::str::from_utf8(start).err().is_none_or(|e| e.error_len().is_none());
     let odd = |byte: &u8| byte.is_ascii_control() && !matches!(byte, b'\t' | b'\r' | b'\n');
     if start.contains(&0) || (!is_utf8 && start.iter().any(odd)) {
-        return Err(Error::input("binary data in no format that Sagnac reads").help(
+        return Err(Error::input(
+            "binary data in no format that Sagnac reads",
             "logs are CSV (comma, tab or semicolon), Parquet, Arrow or ULog, also gzipped; convert this file first",
         ));
     }
@@ -125,7 +129,7 @@ impl Head<'_> {
         }
         self.lines += 1;
         if n > MAX_LINE_BYTES {
-            return Err(Error::input("a line of more than 1 MiB; this is no table of text").line(self.lines));
+            return Err(line_without_end().line(self.lines));
         }
         let text = String::from_utf8(line).unwrap_or_else(|e| {
             self.is_latin = true;
@@ -133,9 +137,11 @@ impl Head<'_> {
         });
         let text = trimmed(text.trim_start_matches('\u{feff}'));
         if text.contains('\r') {
-            return Err(Error::input("its lines end in a carriage return alone, as on old Macs")
-                .line(self.lines)
-                .help("convert it: tr '\\r' '\\n' < old.csv > new.csv"));
+            return Err(Error::input(
+                "its lines end in a carriage return alone, as on old Macs",
+                "convert it: tr '\\r' '\\n' < old.csv > new.csv",
+            )
+            .line(self.lines));
         }
         Ok(Some(HeadLine { text: text.to_owned(), number: self.lines }))
     }
@@ -152,15 +158,15 @@ impl Head<'_> {
                     return Err(no_row_below(number));
                 }
                 let empty =
-                    || Error::input("no header: the file is empty").help("a log begins with a line of column headers");
+                    || Error::input("no header: the file is empty", "a log begins with a line of column headers");
                 return first.map(|line| (line, 0)).ok_or_else(empty);
             };
             if self.lines > MAX_LINES_ABOVE {
-                return Err(Error::input(format!("no header in the first {MAX_LINES_ABOVE} lines"))
-                    .line(self.lines)
-                    .help(
-                        "a log begins with a line of column headers; only blank lines and comments may be above it",
-                    ));
+                return Err(Error::input(
+                    format!("no header in the first {MAX_LINES_ABOVE} lines"),
+                    "a log begins with a line of column headers; only blank lines and comments may be above it",
+                )
+                .line(self.lines));
             }
             if line.text.starts_with(COMPENSATED_STAMP) {
                 return Err(header::already_compensated().line(line.number));
@@ -299,9 +305,11 @@ pub(crate) fn headers_of(line: &str, setup: &Setup) -> Result<Option<(Vec<String
 }
 
 fn no_row_below(header: u64) -> Error {
-    Error::input("the line below the headers is neither a row nor a line of units")
-        .line(header + 1)
-        .help("a row has a number or nothing in each of its cells")
+    Error::input(
+        "the line below the headers is neither a row nor a line of units",
+        "a row has a number or nothing in each of its cells",
+    )
+    .line(header + 1)
 }
 
 /// The separator of a line `sep=;`, as spreadsheets write it.
@@ -320,7 +328,12 @@ pub(crate) fn delimiter_of(line: &str) -> u8 {
 pub(crate) fn split(line: &str, delimiter: u8) -> Result<Vec<String>> {
     let mut reader = csv::ReaderBuilder::new().has_headers(false).delimiter(delimiter).from_reader(line.as_bytes());
     let mut record = csv::StringRecord::new();
-    reader.read_record(&mut record).map_err(|e| Error::input(format!("cannot read the header: {e}")))?;
+    reader.read_record(&mut record).map_err(|e| {
+        Error::input(
+            format!("cannot read the header: {e}"),
+            "write a header line of names with one separator, such as time_s,temperature_c,counts",
+        )
+    })?;
     Ok(record.iter().map(|h| h.trim().to_owned()).collect())
 }
 
@@ -376,15 +389,16 @@ fn refuse_other_unit(name: &str, unit: &str) -> Result<()> {
     let stated = Some(quantity_of(rest).0)
         .filter(|word| *word == "ns" || endings().any(|ending| ending == *word && !word.is_empty()));
     let ending = ending_of(quantity, unit);
-    let refused = |what: String| Err(Error::input(what).column(name).value(unit));
+    let refused = |what: &str, help: String| Err(Error::input(what, help).column(name).value(unit));
     match (stated, ending) {
         (Some(stated), ending) if ending != Some(stated) => {
-            refused(format!("the header says `{stated}`, the line of units says otherwise"))
-                .map_err(|e: Error| e.help("correct one of the two; Sagnac does not guess which"))
+            let what = format!("the header says `{stated}`, and the line of units says otherwise");
+            refused(&what, "correct one of the two: the program does not guess".to_owned())
         }
         // What a bare `time` holds is found by its values: dates have no unit.
-        (None, None) if quantity != "time" => refused("this unit is not known here".to_owned())
-            .map_err(|e: Error| e.help(format!("convert the column; recognised: {}", header::RECOGNISED))),
+        (None, None) if quantity != "time" => {
+            refused("unknown unit", format!("convert the column to one of these: {}", header::RECOGNISED))
+        }
         _ => Ok(()),
     }
 }

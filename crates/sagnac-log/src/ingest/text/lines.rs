@@ -23,8 +23,8 @@ use crate::ingest::text::plain::PlainRows;
 /// Bytes of a piece.
 const PIECE_BYTES: usize = 256 << 10;
 
-fn line_without_end() -> Error {
-    Error::input("a line of more than 1 MiB; this is no table of text")
+pub(super) fn line_without_end() -> Error {
+    Error::input("a line is longer than 1 MiB, so this is no text table", "give a log as CSV, Parquet, Arrow or ULog")
 }
 
 /// Splits a text into pieces of whole lines.
@@ -54,7 +54,7 @@ impl Feed for TextFeed {
         piece.append(&mut self.carried);
         loop {
             let before = piece.len();
-            let filled = self.fill(piece).map_err(|e| Error::input(format!("cannot read on: {e}")));
+            let filled = self.fill(piece).map_err(|e| Error::cannot("read", &e));
             match (filled, memrchr(b'\n', &piece[before..])) {
                 (Ok(0), _) => {
                     let rest = !piece.is_empty();

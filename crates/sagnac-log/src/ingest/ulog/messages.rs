@@ -45,7 +45,7 @@ impl Messages {
                 Ok(0) => break,
                 Ok(n) => filled += n,
                 Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
-                Err(e) => return Err(Error::input(format!("cannot read on: {e}"))),
+                Err(e) => return Err(Error::cannot("read", &e)),
             }
         }
         self.position += filled as u64;

@@ -134,7 +134,7 @@ impl Start {
         let mut start =
             Self { messages: Messages::of(reader), header, known, early: BTreeMap::new(), first: None, heard };
         if start.messages.fill(&mut start.header)? < FILE_HEADER_BYTES {
-            return Err(Error::input("a truncated ULog file: not even its header is whole"));
+            return Err(Error::damaged("ULog file: it ends in its header"));
         }
         loop {
             match start.messages.next()? {
@@ -201,7 +201,7 @@ fn feed(parser: &mut LogParser<'_>, kind: u8, payload: &[u8]) -> Result<()> {
 }
 
 fn damaged(error: &UlogParseError) -> Error {
-    Error::input(format!("a damaged ULog file: {}", error.description))
+    Error::damaged(format!("ULog file: {}", error.description))
 }
 
 /// The gyro's messages as pending rows.
@@ -283,13 +283,17 @@ impl Table {
 
 fn no_gyro(known: &Known, instance: u8) -> Error {
     let topics = known.topics();
-    Error::input(format!("a ULog file without messages of sensor_gyro or sensor_combined, instance {instance}"))
-        .help(if topics.is_empty() { "it has no topic at all".to_owned() } else { format!("it has: {topics}") })
+    Error::input(
+        format!("a ULog file without messages of sensor_gyro or sensor_combined, instance {instance}"),
+        if topics.is_empty() { "it has no topic at all".to_owned() } else { format!("it has: {topics}") },
+    )
 }
 
 /// The preferred gyro has no message, and what was read cannot be read again.
 fn silent_gyro(known: &Known, id: u16) -> Error {
     let topic = known.subscribed.get(&id).map_or("another topic", |(topic, ..)| topic.as_str());
-    Error::input(format!("a ULog file whose preferred gyro has no message, while {topic} has"))
-        .help("give it as a file that is not compressed; a pipe is read once")
+    Error::input(
+        format!("a ULog file whose preferred gyro has no message, while {topic} has"),
+        "give it as a file that is not compressed; a pipe is read once",
+    )
 }

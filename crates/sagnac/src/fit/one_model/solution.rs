@@ -98,11 +98,13 @@ impl Fitted {
 pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) -> Result<Fitted> {
     let parameters = problem.levels().len() + spec.coefficients();
     if problem.len() < 3 * parameters {
-        return Err(Error::refused(format!(
-            "{} windows for {parameters} coefficients of `{spec}`; a fit needs three windows for each",
-            problem.len()
-        ))
-        .help("give more data, a shorter --window or a smaller --model"));
+        return Err(Error::refused(
+            format!(
+                "{} windows for {parameters} coefficients of `{spec}`; a fit needs three windows for each",
+                problem.len()
+            ),
+            "give more data, a shorter --window or a smaller --model",
+        ));
     }
     let terms = problem.terms(spec);
     let taus = find_taus(problem, spec, &terms, taus_s)?;
@@ -218,8 +220,10 @@ fn dependent(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Error {
     } else {
         format!("the terms of `{spec}` are not independent on these data")
     };
-    Error::refused(what)
-        .help("test at more temperatures (or, for scale terms, at several input rates), or take a smaller --model")
+    Error::refused(
+        what,
+        "test at more temperatures (or, for scale terms, at several input rates), or take a smaller --model",
+    )
 }
 
 /// The lags of least misfit, one after the other until they stand.
@@ -278,9 +282,8 @@ fn not_separated(problem: &LeastSquares<'_>, spec: &ModelSpec, input: usize) -> 
     Error::refused(format!(
         "the data do not separate the two lags of {name} in `{spec}`: lags less than {LEAST_RATIO} times apart, or a slow one as long as a \
          quarter of the longest run, fit as well"
-    ))
+    ), "leave the slow rate out of --model, or test with ramps and soaks of several lengths")
     .column("--model")
-    .help("leave the slow rate out of --model, or test with ramps and soaks of several lengths")
 }
 
 /// The τ of least misfit and whether it is resolved; where the misfit is flat to an end of the search, the smallest

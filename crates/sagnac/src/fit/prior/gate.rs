@@ -67,14 +67,18 @@ pub(crate) fn gate(known: &Known, solved: &Solved, prior: &UnitPrior, spare_rows
     let misfit = alike.iter().map(square).sum::<f64>().sqrt();
     let (k, degrees) = (different.len() as f64, prior.degrees);
     if different.is_empty() {
-        return Err(Error::refused("the test shows nothing in which the units of the fleet differ")
-            .help("test at other temperatures, or longer: the prior alone is no calibration"));
+        return Err(Error::refused(
+            "the test shows nothing in which the units of the fleet differ",
+            "test at other temperatures, or longer: the prior alone is no calibration",
+        ));
     }
     // Hotelling (1931): T²·(ν − k + 1)/(ν·k) has the F distribution of k and ν − k + 1 degrees.
     let spare = degrees - k + 1.0;
     let quantile = FisherSnedecor::new(k, spare).map_err(|_| {
-        Error::refused(format!("a prior of {} axes is too small for {} directions", prior.axes, different.len()))
-            .help("make a prior of more units")
+        Error::refused(
+            format!("a prior of {} axes is too small for {} directions", prior.axes, different.len()),
+            "make a prior of more units",
+        )
     })?;
     let distance_max = (quantile.inverse_cdf(GATE) * degrees * k / spare).sqrt();
     // Noise alone, whose variance is that of the rows beyond all columns.
@@ -237,7 +241,9 @@ fn most(count: usize, size: impl Fn(usize) -> f64) -> usize {
 }
 
 fn not_of_fleet(why: String) -> Error {
-    Error::refused(format!("the unit is not of this fleet: {why}"))
-        .column("--prior")
-        .help("give it the full test and calibrate it without a prior")
+    Error::refused(
+        format!("the unit is not of this fleet: {why}"),
+        "give it the full test and calibrate it without a prior",
+    )
+    .column("--prior")
 }

@@ -58,8 +58,10 @@ pub(crate) struct Solved {
 }
 
 pub(crate) fn of_other_terms() -> Error {
-    Error::input("the prior's parameters are not those of its model in this program")
-        .help("make the prior anew with `sagnac fleet prior`")
+    Error::input(
+        "the prior's parameters are not those of its model in this program",
+        "make the prior anew with `sagnac fleet prior`",
+    )
 }
 
 pub(crate) fn values(taus: &[Tau]) -> Vec<(usize, f64)> {
@@ -96,7 +98,12 @@ impl Known {
         let entry = |i: usize, j: usize| prior.covariance[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)];
         let scale = DVector::from_fn(q, |i, _| entry(i, i).max(0.0).sqrt());
         let scaled = DMatrix::from_fn(q, q, |i, j| entry(i, j) / (scale[i] * scale[j]));
-        let root = scaled.cholesky().ok_or_else(|| Error::input("the prior's covariance is not positive"))?;
+        let root = scaled.cholesky().ok_or_else(|| {
+            Error::input(
+                "the prior's covariance is not positive",
+                "learn the prior again from a larger fleet: sagnac fleet prior FLEET/ -o prior.json",
+            )
+        })?;
         let common_root = DMatrix::from_diagonal(&scale) * root.unpack();
         let inverse = matrix.try_inverse().ok_or_else(other)?;
         let mean = &inverse * DVector::from_column_slice(&prior.mean);

@@ -56,14 +56,21 @@ pub(crate) fn fit_with_prior(
     let parameters = problem.levels().len() + known.mean.len();
     if problem.len() < parameters + LEAST_DEGREES {
         let least = parameters + LEAST_DEGREES;
-        return Err(Error::refused(format!(
-            "{} windows are too few to tell how noisy the test is; {least} are needed with a prior of {} parameters",
-            problem.len(),
-            known.mean.len()
-        ))
-        .help("give more data or a shorter --window"));
+        return Err(Error::refused(
+            format!(
+                "{} windows are too few to tell how noisy the test is; {least} are needed with a prior of {} parameters",
+                problem.len(),
+                known.mean.len()
+            ),
+            "give more data or a shorter --window",
+        ));
     }
-    let dependent = || Error::refused("the run offsets are not independent on these data");
+    let dependent = || {
+        Error::refused(
+            "the run offsets are not independent on these data",
+            "give longer runs, or calibrate without --prior",
+        )
+    };
     let given = stated.map(|(noise, white)| (noise, Some(white))).unwrap_or_default();
     let (mut linear, mut solved) = settled(problem, &terms, &mut taus, &known, given).ok_or_else(dependent)?;
     let mut noise = given.0;

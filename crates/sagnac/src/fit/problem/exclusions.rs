@@ -34,8 +34,10 @@ pub(crate) fn check_moves(windows: &Windows, axis: usize) -> Result<()> {
     }
     let (letter, n) = (windows.shape.axes[axis], used.len());
     let what = format!("axis {letter} shows the same rate in all {n} windows, which no gyro with noise does");
-    Err(Error::refused(what)
-        .help("the counter or its column stands still, or a count is too coarse for the window; look at the column"))
+    Err(Error::refused(
+        what,
+        "the counter or its column stands still, or a count is too coarse for the window; look at the column",
+    ))
 }
 
 fn check_run(windows: &Windows, run: usize) -> Result<()> {
@@ -45,12 +47,12 @@ fn check_run(windows: &Windows, run: usize) -> Result<()> {
     let hours = |ns: i64| s_from_ns(ns - windows.runs[run].start_ns) / 3600.0;
     if let Some(step) = members.iter().find(|i| rows.excluded[**i] == Some(Reason::LastingStep)) {
         let at = hours(rows.start_ns[*step]);
-        return Err(Error::refused(format!(
-            "the rate steps at {at:.2} h of the run and stays there: one curve does not fit both sides"
-        ))
+        return Err(Error::refused(
+            format!("the rate steps at {at:.2} h of the run and stays there: one curve does not fit both sides"),
+            "find the cause; cut the log there, or keep all of it with --keep-outliers",
+        )
         .file(file(*step))
-        .line(rows.first_line[*step])
-        .help("find the cause; cut the log there, or keep all of it with --keep-outliers"));
+        .line(rows.first_line[*step]));
     }
     let is_suspect = |i: &usize| matches!(rows.excluded[*i], Some(Reason::Motion | Reason::Step | Reason::StartUp));
     let count = |members: &mut dyn Iterator<Item = usize>| members.map(|i| f64::from(rows.samples[i])).sum::<f64>();
@@ -67,10 +69,9 @@ fn check_run(windows: &Windows, run: usize) -> Result<()> {
     Err(Error::refused(format!(
         "{part:.1} % of the run look like bumps, steps or start-up, the longest stretch from {from:.2} to {to:.2} h; at most {:.0} % may be excluded",
         100.0 * MOST
-    ))
+    ), "repeat the test, cut the stretch out of the log, give discard_initial_s, or keep all of it with --keep-outliers")
     .file(file(first))
-    .line(rows.first_line[first])
-    .help("repeat the test, cut the stretch out of the log, give discard_initial_s, or keep all of it with --keep-outliers"))
+    .line(rows.first_line[first]))
 }
 
 /// What to do about a thermometer that is read in few of the rows.
@@ -91,7 +92,7 @@ pub(crate) fn no_window(windows: &Windows) -> Error {
     let why = most_left_out(windows).unwrap_or("it holds no usable row".to_owned());
     let holds = !readings_do_not_hold(windows);
     let help = if holds { "`sagnac inspect` lists everything excluded" } else { READINGS_HOLD };
-    Error::refused(format!("no window of the log can be used: {why}")).help(help)
+    Error::refused(format!("no window of the log can be used: {why}"), help)
 }
 
 /// The most frequent reason for excluded rows, in words.
@@ -104,13 +105,15 @@ fn most_left_out(windows: &Windows) -> Option<String> {
 /// Lowest to highest sample of the used windows must be wide enough.
 pub(crate) fn check_span(windows: &Windows, Span { lo, hi }: Span, min_span_c: f64) -> Result<()> {
     if hi - lo < min_span_c {
-        return Err(Error::refused(format!(
-            "the data span {:.2} °C ({lo:.2} … {hi:.2} °C); a fit needs {min_span_c} °C{}",
-            hi - lo,
-            most_left_out(windows).map_or(String::new(), |why| format!("; {why}"))
-        ))
-        .column("min_span_c")
-        .help("test over a wider range, or lower --min-span if you know what you do"));
+        return Err(Error::refused(
+            format!(
+                "the data span {:.2} °C ({lo:.2} … {hi:.2} °C); a fit needs {min_span_c} °C{}",
+                hi - lo,
+                most_left_out(windows).map_or(String::new(), |why| format!("; {why}"))
+            ),
+            "test over a wider range, or lower --min-span if you know what you do",
+        )
+        .column("min_span_c"));
     }
     Ok(())
 }

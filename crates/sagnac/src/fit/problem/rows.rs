@@ -371,12 +371,14 @@ fn sampled(axis: &Axis<'_>, signals: &[Signal], used: &[usize]) -> Result<Vec<Sa
     check_moves(windows, axis.index)?;
     let span = inputs[0].span;
     if !(span.lo..=span.hi).contains(&reference_c) {
-        return Err(Error::refused(format!(
-            "the reference temperature {reference_c} °C lies outside the span of the data, {:.2} … {:.2} °C",
-            span.lo, span.hi
-        ))
-        .column("reference_c")
-        .help("give --reference a temperature within the span"));
+        return Err(Error::refused(
+            format!(
+                "the reference temperature {reference_c} °C lies outside the span of the data, {:.2} … {:.2} °C",
+                span.lo, span.hi
+            ),
+            "give --reference a temperature within the span",
+        )
+        .column("reference_c"));
     }
     if windows.shape.timed {
         inputs.extend(SampledInput::repeated(&inputs));

@@ -20,7 +20,9 @@ pub(crate) fn sources_of(spec: &mut ModelSpec, main: Signal, shape: &WindowShape
         let source = find_input(&of.input, main, shape).map_err(|e| e.column("--model"))?;
         of.input = source.name(shape);
         if sources.contains(&source) {
-            return Err(Error::input("the same input under two names").column("--model").value(&of.input));
+            return Err(Error::input("the same input under two names", "remove one of the two from --model")
+                .column("--model")
+                .value(&of.input));
         }
         sources.push(source);
     }
@@ -42,20 +44,21 @@ pub(crate) fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &Windo
         String::new()
     };
     let what = format!("`{spec}` reads {count} inputs ({}{once_more})", names.join(", "));
-    Err(Error::refused(format!("{what}; an image reads {most}"))
-        .column("--model")
-        .help("a difference is read with both of its thermometers: leave one input out, or take a thermometer for a difference"))
+    Err(Error::refused(format!("{what}; an image reads {most}"), "a difference is read with both of its thermometers: leave one input out, or take a thermometer for a difference")
+        .column("--model"))
 }
 
 /// Refuses an input whose range is too small, relative to its value, for the codes of an image.
 pub(crate) fn check_codes(problem: &LeastSquares<'_>) -> Result<()> {
     problem.others().iter().find(|input| !input.fits_codes()).map_or(Ok(()), |input| {
-        Err(Error::refused(format!(
-            "{} moves from {} to {}: too little of its size for the codes of an image",
-            input.name, input.span.lo, input.span.hi
-        ))
-        .column("--model")
-        .help("log it less its middle value"))
+        Err(Error::refused(
+            format!(
+                "{} moves from {} to {}: too little of its size for the codes of an image",
+                input.name, input.span.lo, input.span.hi
+            ),
+            "log it less its middle value",
+        )
+        .column("--model"))
     })
 }
 
@@ -68,7 +71,7 @@ pub(crate) fn check_scale_rates(problem: &LeastSquares<'_>, spec: &ModelSpec) ->
     });
     term.filter(|_| !several_rates(problem)).map_or(Ok(()), |term| {
         let what = format!("{term} needs runs at several input rates; at one rate a scale factor is a bias");
-        Err(Error::refused(what).column("--model").help("take bias(...) instead, or test on a rate table"))
+        Err(Error::refused(what, "take bias(...) instead, or test on a rate table").column("--model"))
     })
 }
 
@@ -84,9 +87,11 @@ pub(crate) fn count_steps(problem: &LeastSquares<'_>, spec: &mut ModelSpec) -> R
         let steps = problem.input(&of.input).map_or(0, |at| problem.inputs[at].thresholds().len());
         if steps == 0 {
             let what = "does not stand at one of 2 to 16 whole numbers in nine of ten windows";
-            return Err(Error::refused(format!("`{}` {what}", of.input))
-                .column("--model")
-                .help("give it a series instead, bias(...) 1, or a --window within which it stands still"));
+            return Err(Error::refused(
+                format!("`{}` {what}", of.input),
+                "give it a series instead, bias(...) 1, or a --window within which it stands still",
+            )
+            .column("--model"));
         }
         of.steps = u8::try_from(steps).ok();
     }
@@ -96,15 +101,21 @@ pub(crate) fn count_steps(problem: &LeastSquares<'_>, spec: &mut ModelSpec) -> R
 fn find_input(name: &str, main: Signal, shape: &WindowShape) -> Result<Signal> {
     let signal = Signal::named(name, shape).ok_or_else(|| {
         let all: Vec<String> = Signal::others(shape, usize::MAX).into_iter().map(|s| s.name(shape)).collect();
-        Error::input("the log has no such input").value(name).help(format!("it has: {}", Error::choices(&all)))
+        Error::input("the log has no such input", format!("it has: {}", Error::choices(&all))).value(name)
     })?;
     if signal == main {
-        return Err(Error::input("is the thermometer of the fit; its terms stand without brackets").value(name));
+        return Err(Error::input(
+            "this is the thermometer of the fit",
+            "write its terms without brackets, such as --model 'bias 3'",
+        )
+        .value(name));
     }
     if let Signal::Difference { of, less } = signal
         && of == less
     {
-        return Err(Error::input("a thermometer less itself is nothing").value(name));
+        return Err(
+            Error::input("the thermometer is subtracted from itself", "name two different thermometers").value(name)
+        );
     }
     Ok(signal)
 }

@@ -35,10 +35,18 @@ pub(crate) fn given<'a>(
     count_steps(&problem, &mut spec)?;
     if !fits_image(&problem, &spec) {
         let most = sagnac_core::MAX_TERMS;
-        return Err(Error::refused(format!("`{spec}` has more terms than an image holds ({most})")).column("--model"));
+        return Err(Error::refused(
+            format!("`{spec}` has more terms than an image holds ({most})"),
+            "lower the orders in --model",
+        )
+        .column("--model"));
     }
     if spec.lags() > 0 && !problem.has_rate() {
-        return Err(Error::refused("a rate term needs times, and the log has none").column("--model"));
+        return Err(Error::refused(
+            "a rate term needs times, and the log has none",
+            "remove rate from --model, or give a log with time_s",
+        )
+        .column("--model"));
     }
     let taus_s = problem.tau_grid();
     if image.corrects_warm_up {

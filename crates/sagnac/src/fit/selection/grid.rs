@@ -41,12 +41,14 @@ pub(crate) fn affordable(problem: &LeastSquares<'_>) -> Result<Vec<ModelSpec>> {
     let specs: Vec<ModelSpec> =
         ModelSpec::candidates(problem.tries_main_rate(), with_scale).into_iter().filter(affordable).collect();
     if specs.is_empty() {
-        return Err(Error::refused(format!(
-            "{} windows in {} runs are too few even for constants; a fit needs three windows for each coefficient",
-            problem.len(),
-            problem.runs.len()
-        ))
-        .help("give more data or a shorter --window"));
+        return Err(Error::refused(
+            format!(
+                "{} windows in {} runs are too few even for constants; a fit needs three windows for each coefficient",
+                problem.len(),
+                problem.runs.len()
+            ),
+            "give more data or a shorter --window",
+        ));
     }
     Ok(specs)
 }
@@ -60,14 +62,18 @@ pub(crate) fn best_of_grid(
 ) -> Result<Best> {
     let mean_square = cross_validate(problem, &specs, taus_s);
     if mean_square.iter().all(Option::is_none) {
-        return Err(Error::refused("no candidate can be fitted with a part of the data held out")
-            .help("give more data over more temperatures, or a fixed --model"));
+        return Err(Error::refused(
+            "no candidate can be fitted with a part of the data held out",
+            "give more data over more temperatures, or a fixed --model",
+        ));
     }
     let mut fair: Vec<usize> = (0..specs.len()).filter(|i| mean_square[*i].is_some()).collect();
     let grades = grades_if_white(problem, &fair, &specs, taus_s);
     let mut not_held = Vec::new();
-    let mut refusal = Error::refused("the data do not separate the terms of any candidate")
-        .help("test so that temperature and its rate move independently, or give a fixed --model");
+    let mut refusal = Error::refused(
+        "the data do not separate the terms of any candidate",
+        "test so that temperature and its rate move independently, or give a fixed --model",
+    );
     let chosen = loop {
         let best = match &grades {
             Some(grades) => grades.best(&not_far_behind(&fair, &specs, &mean_square)),
@@ -94,8 +100,7 @@ pub(crate) fn best_of_grid(
 }
 
 pub(crate) fn rejected(spec: &ModelSpec, refusal: &Error) -> RejectedModel {
-    let help = refusal.help.as_ref().map_or(String::new(), |help| format!(": {help}"));
-    RejectedModel { model: spec.to_string(), reason: format!("{}{help}", refusal.what) }
+    RejectedModel { model: spec.to_string(), reason: format!("{}: {}", refusal.what, refusal.help) }
 }
 
 /// Grades of all candidates ([`super::grades`]) where the residual of the largest is nearly white. Where it is not, a grade

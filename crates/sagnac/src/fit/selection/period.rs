@@ -84,15 +84,17 @@ fn search(
     let (before, after) = (held_out(&without), held_out(&with_period));
     match (before, after) {
         (Some(before), Some(after)) if after * gain < before => Ok(width / turns),
-        _ => Err(Error::refused(format!(
-            "no period of {} explains more than chance: the best, {:.4}, takes the held-out σ from {} to {} °/h",
-            problem.inputs.get(problem.index_of(&spec.inputs()[at]).unwrap_or(0)).map_or("", |input| &input.name),
-            width / turns,
-            words(before),
-            words(after)
-        ))
-        .column("--model")
-        .help("state the period, leave the harmonic out of --model, or test so that the input passes several periods")),
+        _ => Err(Error::refused(
+            format!(
+                "no period of {} explains more than chance: the best, {:.4}, takes the held-out σ from {} to {} °/h",
+                problem.inputs.get(problem.index_of(&spec.inputs()[at]).unwrap_or(0)).map_or("", |input| &input.name),
+                width / turns,
+                words(before),
+                words(after)
+            ),
+            "state the period, leave the harmonic out of --model, or test so that the input passes several periods",
+        )
+        .column("--model")),
     }
 }
 

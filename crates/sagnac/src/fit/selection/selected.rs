@@ -101,14 +101,16 @@ impl Selected<'_> {
         let worst = known.max_by(|(_, a), (_, b)| a.total_cmp(b)).map_or(0, |(at, _)| at);
         let term = &fitted.terms[worst];
         let input = self.problem.inputs[term.input].name.as_str();
-        Err(Error::refused(format!(
-            "the terms of `{}` are not separated by these data: condition {:.0}, at most {CONDITION_MAX:.0}; the others \
+        Err(Error::refused(
+            format!(
+                "the terms of `{}` are not separated by these data: condition {:.0}, at most {CONDITION_MAX:.0}; the others \
              explain the term {} best",
-            self.spec,
-            near.condition,
-            term.form.name((term.input > 0).then_some(input))
+                self.spec,
+                near.condition,
+                term.form.name((term.input > 0).then_some(input))
+            ),
+            "take fewer terms, or test so that the inputs move apart",
         ))
-        .help("take fewer terms, or test so that the inputs move apart"))
     }
 
     /// Takes the best model of one order less in place of one that no image can hold. The grid and the search have refused such
@@ -158,12 +160,14 @@ impl Selected<'_> {
     fn too_noisy(&self, noise: &CorrectionNoise, input: usize) -> Error {
         let part = noise.increase.unwrap_or(f64::NAN) * 100.0;
         let name = &self.problem.inputs[input].name;
-        Error::refused(format!(
-            "the noise of {name} through the rate terms of `{}` would raise the angle random walk by {part:.0} %, and {:.0} % are allowed",
-            self.spec,
-            INCREASE_MAX * 100.0
-        ))
-        .help("take a quieter thermometer or average its samples; or leave the rate terms out of --model")
+        Error::refused(
+            format!(
+                "the noise of {name} through the rate terms of `{}` would raise the angle random walk by {part:.0} %, and {:.0} % are allowed",
+                self.spec,
+                INCREASE_MAX * 100.0
+            ),
+            "take a quieter thermometer or average its samples; or leave the rate terms out of --model",
+        )
     }
 
     /// One more row of the path; its condition comes with the next fit.

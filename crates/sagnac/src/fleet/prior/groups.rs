@@ -83,11 +83,13 @@ pub(super) fn refuse(members: &[Member<'_>]) -> Result<()> {
     let crowded = Some(close).filter(|pairs| matters(pairs) && pairs.near > MORE_THAN_CHANCE * by_chance);
     match apart.or(crowded) {
         None => Ok(()),
-        Some(pairs) => Err(Error::refused(format!(
-            "the axes fall into groups: {} pairs are alike, {} far apart and only {} between",
-            pairs.near, pairs.far, pairs.between
-        ))
-        .help("give each gyro one name, and units of one batch their lot: many tests of few gyros do not say how the next one is")),
+        Some(pairs) => Err(Error::refused(
+            format!(
+                "the axes fall into groups: {} pairs are alike, {} far apart and only {} between",
+                pairs.near, pairs.far, pairs.between
+            ),
+            "give each gyro one name, and units of one batch their lot: many tests of few gyros do not say how the next one is",
+        )),
     }
 }
 

@@ -208,7 +208,12 @@ impl Prior {
             .collect();
         let without = results.iter().map(|unit| unit.axes.len()).sum::<usize>() - all.len();
         let model = model.map_or_else(|| most_frequent(&all), |model| Some(model.to_owned()));
-        let model = model.ok_or_else(|| Error::refused("no unit of this fleet has a model on the common basis"))?;
+        let model = model.ok_or_else(|| {
+            Error::refused(
+                "no unit of this fleet has a model on the common basis",
+                "calibrate the fleet with one model: sagnac fleet calibrate … --model 'bias 3, rate 1'",
+            )
+        })?;
         let mut not_used = vec![counted("its model has no terms on the common basis", without)];
         let (all, others) = parted(all, |member| !member.axis.with_prior);
         not_used.push(counted("its record was made with a prior", others.len()));
@@ -279,7 +284,7 @@ impl Prior {
     pub fn merged(mut self, other: Self) -> Result<Self> {
         if (&self.model, &self.terms, &self.units) != (&other.model, &other.terms, &other.units) {
             let what = format!("a prior for `{}` and one for `{}` cannot be one", self.model, other.model);
-            return Err(Error::input(what).help("calibrate both fleets with the same --model"));
+            return Err(Error::input(what, "calibrate both fleets with the same --model"));
         }
         let span_c = [self.span_c[0].max(other.span_c[0]), self.span_c[1].min(other.span_c[1])];
         let rate_spans_cpm = both(&self.rate_spans_cpm, &other.rate_spans_cpm);
@@ -291,9 +296,7 @@ impl Prior {
         let twice = self.logs.intersection(&other.logs).count();
         if twice > 0 {
             let what = format!("{} of {} logs are in both", twice, other.logs.len());
-            return Err(
-                Error::input(what).help("give each unit once: one that counts twice makes the others look alike")
-            );
+            return Err(Error::input(what, "give each unit once: one that counts twice makes the others look alike"));
         }
         let mut sums = std::mem::take(&mut self.sums);
         let mut logs = std::mem::take(&mut self.logs);
@@ -326,16 +329,18 @@ impl Prior {
         if all.axes < least {
             let reasons: Vec<String> =
                 not_used.iter().map(|part| format!("{} not used: {}", part.axes, part.reason)).collect();
-            return Err(Error::refused(format!(
-                "{} axes of `{model}` are too few for the scatter of {} terms: {least} are needed",
-                all.axes,
-                terms.len()
-            ))
-            .help(if reasons.is_empty() {
-                "calibrate more units".to_owned()
-            } else {
-                format!("{}; calibrate the fleet with one --model", reasons.join("; "))
-            }));
+            return Err(Error::refused(
+                format!(
+                    "{} axes of `{model}` are too few for the scatter of {} terms: {least} are needed",
+                    all.axes,
+                    terms.len()
+                ),
+                if reasons.is_empty() {
+                    "calibrate more units".to_owned()
+                } else {
+                    format!("{}; calibrate the fleet with one --model", reasons.join("; "))
+                },
+            ));
         }
         let mean = |sums: &LotSums| sums.value.iter().map(|sum| sum.value() / sums.axes as f64).collect::<Vec<f64>>();
         let lots: Vec<LotMean> =
@@ -381,7 +386,10 @@ impl Population {
         let scatter = scatter_about_means(groups, p);
         let of_tests = symmetric(&values(&all.covariance), p) / n;
         let (covariance, directions) = beyond(&scatter, &of_tests).ok_or_else(|| {
-            Error::refused("the records of this fleet have no covariance that a prior could be freed of")
+            Error::refused(
+                "the scatter of this fleet is smaller than the errors of its tests",
+                "add units, or test each unit longer",
+            )
         })?;
         Ok(Self { axes: all.axes, mean, covariance: lower(&covariance), of_tests: lower(&of_tests), directions })
     }

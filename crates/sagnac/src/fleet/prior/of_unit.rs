@@ -130,7 +130,7 @@ impl Prior {
             most.sqrt(),
             100.0 * LIKE_OTHERS
         );
-        Err(Error::refused(what).column("--lot").value(&lot.lot).help("make a prior of this lot's units alone"))
+        Err(Error::refused(what, "make a prior of this lot's units alone").column("--lot").value(&lot.lot))
     }
 
     /// Units of a lot that is not one of the fleet's.
@@ -162,16 +162,18 @@ impl Prior {
 
     fn no_lot(&self, name: &str) -> Error {
         let what = format!("the prior has no lot of this name with {LEAST_OF_LOT} axes");
-        Error::refused(what).column("--lot").value(name).help(self.known_lots())
+        Error::refused(what, self.known_lots()).column("--lot").value(name)
     }
 
     fn too_few_lots(&self) -> Error {
-        Error::refused(format!(
-            "the lot of the unit is not given, and {} do not say how far another may be: {LEAST_LOTS} are needed",
-            counted(self.lots.len(), "lot", "lots")
-        ))
+        Error::refused(
+            format!(
+                "the lot of the unit is not given, and {} do not say how far another may be: {LEAST_LOTS} are needed",
+                counted(self.lots.len(), "lot", "lots")
+            ),
+            self.known_lots(),
+        )
         .column("--lot")
-        .help(self.known_lots())
     }
 
     fn known_lots(&self) -> String {

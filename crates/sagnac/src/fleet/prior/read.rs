@@ -18,13 +18,16 @@ fn hash_of(prior: &Prior) -> serde_json::Result<String> {
     Ok(hex(&sha256(serde_json::to_string(prior)?.as_bytes())))
 }
 
+/// The remedy for a file that is no whole prior.
+const AGAIN: &str = "make the prior again: sagnac fleet prior FLEET/ -o fleet.prior.json";
+
 impl Prior {
     /// As JSON.
     ///
     /// # Errors
     /// A number that JSON does not have.
     pub fn to_json(&self) -> Result<String> {
-        let broken = |e: serde_json::Error| Error::input(format!("cannot write the prior: {e}"));
+        let broken = |e: serde_json::Error| Error::defect(format!("cannot write the prior: {e}"));
         let mut whole = self.clone();
         whole.content_sha256.clear();
         whole.content_sha256 = hash_of(&whole).map_err(broken)?;
@@ -47,17 +50,16 @@ impl Prior {
     /// As [`Prior::read`].
     pub fn from_json(text: &str) -> Result<Self> {
         let prior: Self =
-            serde_json::from_str(text).map_err(|e| Error::input(format!("not a prior of a fleet: {e}")))?;
+            serde_json::from_str(text).map_err(|e| Error::input(format!("not a prior of a fleet: {e}"), AGAIN))?;
         if prior.format != FORMAT || prior.version != VERSION {
             let what = format!("{} version {}; this program reads {FORMAT} {VERSION}", prior.format, prior.version);
-            return Err(Error::input(what));
+            return Err(Error::input(what, AGAIN));
         }
         let mut content = prior.clone();
         let stated = std::mem::take(&mut content.content_sha256);
         if hash_of(&content).ok().as_deref() != Some(stated.as_str()) {
-            return Err(Error::input("the file was changed after it was made: its content has another hash")
-                .column("content_sha256")
-                .help("make the prior anew with `sagnac fleet prior`"));
+            return Err(Error::input("the file was changed after it was made: its content has another hash", AGAIN)
+                .column("content_sha256"));
         }
         let p = prior.terms.len();
         let triangle = p * (p + 1) / 2;
@@ -67,17 +69,17 @@ impl Prior {
             || prior.units.len() != p
             || prior.sums.values().any(|sums| !(1..=MOST_AXES).contains(&sums.axes) || sums.noise_axes > sums.axes)
         {
-            return Err(Error::input("sums that do not fit the terms").column("sums"));
+            return Err(Error::input("sums that do not fit the terms", AGAIN).column("sums"));
         }
         if prior.span_c[0].partial_cmp(&prior.span_c[1]) != Some(std::cmp::Ordering::Less) {
-            return Err(Error::input("a span that ends before it begins").column("span_c"));
+            return Err(Error::input("a span that ends before it begins", AGAIN).column("span_c"));
         }
         let is_rate_span = |[lo, hi]: &[f64; 2]| *lo <= 0.0 && *hi >= 0.0 && lo.is_finite() && hi.is_finite();
         if !prior.rate_spans_cpm.iter().all(is_rate_span) {
-            return Err(Error::input("a span of rates without 0").column("rate_spans_cpm"));
+            return Err(Error::input("a span of rates without 0", AGAIN).column("rate_spans_cpm"));
         }
         if prior.fixed_lag_s.is_some_and(|lag_s| !(lag_s > 0.0 && lag_s.is_finite())) {
-            return Err(Error::input("a lag that is none").column("fixed_lag_s"));
+            return Err(Error::input("the lag is not a positive number", AGAIN).column("fixed_lag_s"));
         }
         let Self { model, terms, units, span_c, rate_spans_cpm, fixed_lag_s, window_s, logs, not_used, sums, .. } =
             prior;

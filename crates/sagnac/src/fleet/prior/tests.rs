@@ -217,7 +217,7 @@ fn too_little_is_refused() {
     let mut others = fleet(&mut draws, 40, &[0.0]);
     others[..20].iter_mut().for_each(|unit| unit.axes[0].span_c = [10.0, 30.0]);
     others[..15].iter_mut().for_each(|unit| unit.axes[0].model = "bias 9".to_owned());
-    let help = why(&others, None).help.unwrap();
+    let help = why(&others, None).help;
     assert!(help.contains("15 not used: another model") && help.contains("5 not used: its test spans fewer"), "{help}");
 }
 
@@ -239,7 +239,7 @@ fn one_gyro_has_one_name() {
     let mut draws = Draws(8);
     let is_refused = |units: &[UnitResult]| match Prior::learned(units, None) {
         Ok(_) => false,
-        Err(e) => e.what.contains("fall into groups") && e.help.unwrap().contains("each gyro one name"),
+        Err(e) => e.what.contains("fall into groups") && e.help.contains("each gyro one name"),
     };
     for (gyros, tests, least) in [(2, 15, 90), (4, 8, 90), (6, 6, 85), (10, 4, 80)] {
         let refused = (0..100).filter(|_| is_refused(&few_under_many_names(&mut draws, gyros, tests))).count();
@@ -420,7 +420,7 @@ fn a_wide_lot_needs_a_prior_of_its_own() {
         let units: Vec<UnitResult> = (0..130).map(|at| one(at, &mut draws)).collect();
         let prior = PriorFile { prior: Prior::learned(&units, None).unwrap(), sha256: String::new() };
         assert!(prior.of_unit(Some("lot 0")).is_ok());
-        prior.of_unit(Some("lot 1")).is_err_and(|e| e.what.contains("scatter") && e.help.unwrap().contains("alone"))
+        prior.of_unit(Some("lot 1")).is_err_and(|e| e.what.contains("scatter") && e.help.contains("alone"))
     };
     let mut refused = |wide: f64, heavy: bool| (0..100).filter(|_| of(wide, heavy)).count();
     let found = [refused(1.0, false), refused(1.0, true), refused(2.5, false), refused(2.5, true)];

@@ -135,7 +135,10 @@ impl Flight {
     /// # Errors
     /// Fewer than two corners, times that do not rise from 0, values out of range, an azimuth without speed.
     pub fn check(&self) -> Result<()> {
-        let bad = |what: &str| Err(Error::input(what.to_owned()).column("flight"));
+        let bad = |what: &str| {
+            Err(Error::input(what, "correct [flight] in the limits, docs/reference/limits.md shows one")
+                .column("flight"))
+        };
         let times: Vec<f64> = self.profile.iter().map(|corner| corner.minutes).collect();
         if times.len() < 2 || times[0] != 0.0 || !times.is_sorted_by(|a, b| a < b) {
             return bad("a profile has two corners or more, at minutes that rise from 0");

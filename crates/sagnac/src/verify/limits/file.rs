@@ -43,8 +43,9 @@ impl Limits {
     /// # Errors
     /// As [`Limits::read`].
     pub fn parse(text: &str) -> Result<Self> {
-        let own: Self = toml::from_str(text)
-            .map_err(|e| Error::toml("limits", text, &e).help("docs/reference/limits.md lists the keys"))?;
+        let own: Self = toml::from_str(text).map_err(|e| {
+            Error::toml("limits", text, &e, "correct the key: docs/reference/limits.md lists all of them")
+        })?;
         let limits = own.on_base()?;
         limits.check()?;
         Ok(limits)
@@ -57,21 +58,23 @@ impl Limits {
     pub(crate) fn check(&self) -> Result<()> {
         for (spec, value) in self.given() {
             if !value.is_finite() || !(0.0..=spec.largest).contains(&value) {
-                return Err(Error::input("a limit is a number from 0 on (those of a fraction: to 1)")
-                    .column(spec.key)
-                    .value(value.to_string()));
+                return Err(Error::input(
+                    "a limit must be zero or more, and at most 1 for a fraction",
+                    "correct the value in the limits file",
+                )
+                .column(spec.key)
+                .value(value.to_string()));
             }
         }
         if let Some(flight) = &self.flight {
             flight.check()?;
         }
         if self.position_error_m_max.is_some() && self.flight.is_none() {
-            return Err(Error::input("a limit of the position error needs a [flight]")
-                .column("position_error_m_max")
-                .help("[flight] with axis = \"level\" and profile = [{ minutes = 0, temperature_c = 20 }, …]; docs/reference/limits.md"));
+            return Err(Error::input("a limit of the position error needs a [flight]", "[flight] with axis = \"level\" and profile = [{ minutes = 0, temperature_c = 20 }, …]; docs/reference/limits.md")
+                .column("position_error_m_max"));
         }
         if self.given().is_empty() && self.flight.is_none() {
-            return Err(Error::input("no limit in the limits file").help("docs/reference/limits.md lists the keys"));
+            return Err(Error::input("no limit in the limits file", "docs/reference/limits.md lists the keys"));
         }
         Ok(())
     }
@@ -92,17 +95,14 @@ impl Limits {
         let Some(name) = self.base.clone() else { return Ok(self) };
         let Some((_, text)) = SETS.iter().find(|(set, _)| *set == name) else {
             let sets = Error::choices(&SETS.map(|(set, _)| set.to_owned()));
-            return Err(Error::input("no set of this name")
-                .column("base")
-                .value(name)
-                .help(format!("there is: {sets}")));
+            return Err(Error::input("no set of this name", format!("there is: {sets}")).column("base").value(name));
         };
         let table = |limits: &Self| {
-            toml::Table::try_from(limits).map_err(|e| Error::input(format!("the limits cannot be joined: {e}")))
+            toml::Table::try_from(limits).map_err(|e| Error::defect(format!("the limits cannot be joined: {e}")))
         };
         let mut joined = table(&Self::parse(text)?)?;
         joined.extend(table(&self)?);
-        joined.try_into().map_err(|e| Error::input(format!("the limits cannot be joined: {e}")))
+        joined.try_into().map_err(|e| Error::defect(format!("the limits cannot be joined: {e}")))
     }
 
     /// True where it holds a limit, not a flight alone.

@@ -69,7 +69,7 @@ impl Proof {
         let what = format!(
             "the retest is in windows of {window_s} s, the calibration in windows of {record_s} s: limits are not held against another window"
         );
-        Err(Error::refused(what).column("window").help("leave --window out, or calibrate with the same one"))
+        Err(Error::refused(what, "leave --window out, or calibrate with the same one").column("window"))
     }
 }
 
@@ -125,7 +125,7 @@ impl AxisVerification {
             reasons.dedup();
             let what =
                 format!("none of the limits can be asked of axis {} of this retest: {}", axis.axis, reasons.join("; "));
-            return Err(Error::refused(what).help("docs/reference/limits.md says which limits ask for which test"));
+            return Err(Error::refused(what, "docs/reference/limits.md says which limits ask for which test"));
         }
         let pass = limits.asks().then(|| all_met(&verdicts));
         Ok(Self { limits: verdicts, pass, ..axis })

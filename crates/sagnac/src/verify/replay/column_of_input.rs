@@ -82,8 +82,10 @@ fn recorded(axis: &AxisCalibration, shape: &LogShape) -> Result<Vec<LogColumn>> 
         Some(column.ok_or_else(|| {
             let all: Vec<String> =
                 shape.thermometers.iter().map(|t| label(t).to_owned()).chain(shape.aux.clone()).collect();
-            Error::input(format!("the log has no {what} {name:?}, which the correction uses"))
-                .help(format!("it has: {}", Error::choices(&all)))
+            Error::input(
+                format!("the log has no {what} {name:?}, which the correction uses"),
+                format!("it has: {}", Error::choices(&all)),
+            )
         }))
     };
     axis.other_inputs().iter().filter_map(|input| find(&input.source)).collect()
@@ -108,17 +110,26 @@ fn named(wanted: usize, shape: &LogShape, setup: &Setup) -> Result<Vec<LogColumn
         }
     }
     if names.len() != wanted {
-        return Err(Error::input(format!(
-            "the image reads {wanted} inputs besides the thermometer and does not name them; {} are named",
-            names.len()
-        ))
-        .column("inputs")
-        .help("name them in the image's order with --inputs, or give the calibration instead"));
+        return Err(Error::input(
+            format!(
+                "the image reads {wanted} inputs besides the thermometer and does not name them; {} are named",
+                names.len()
+            ),
+            "name them in the image's order with --inputs, or give the calibration instead",
+        )
+        .column("inputs"));
     }
     let find = |name: &&str| {
         let thermometer = shape.thermometers.iter().position(|other| label(other) == *name);
         let column = thermometer.map(LogColumn::Thermometer).or_else(|| place(&shape.aux, name).map(LogColumn::Aux));
-        column.ok_or_else(|| Error::input("the log has no such input").column("inputs").value(*name))
+        column.ok_or_else(|| {
+            Error::input(
+                "the log has no such input",
+                format!("add the column to the log, or map it under [columns] to aux_{name}"),
+            )
+            .column("inputs")
+            .value(*name)
+        })
     };
     names.iter().map(find).collect()
 }

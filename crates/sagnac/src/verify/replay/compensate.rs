@@ -122,7 +122,7 @@ pub fn compensate(
     done.log = log.summary();
     if let (0, Some(most)) = (done.rows, done.log.tallies.most()) {
         let what = format!("no row could be corrected: {} are excluded as {}", most.rows, most.reason.name());
-        return Err(Error::refused(what).file(most.first).help("`sagnac inspect` lists everything excluded"));
+        return Err(Error::refused(what, "`sagnac inspect` lists everything excluded").file(most.first));
     }
     Ok(done)
 }
@@ -215,7 +215,7 @@ impl RowsOut for ParquetRows<'_> {
 }
 
 fn unwritten(error: std::io::Error) -> Error {
-    Error::input(format!("cannot write: {error}"))
+    Error::cannot("write", &error)
 }
 
 /// The corrected value in the column's own unit.

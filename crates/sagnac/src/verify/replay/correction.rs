@@ -30,7 +30,7 @@ impl Correction {
             .map(|axis| {
                 let image = crate::export::encode(&calibration, axis, parent, 1)?;
                 // The proof is about what ships: through the bytes.
-                Image::decode(&crate::export::image_bytes(&image)).map_err(|e| Error::input(e.to_string()))
+                Image::decode(&crate::export::image_bytes(&image)).map_err(|e| Error::defect(e.to_string()))
             })
             .collect();
         Ok(Self { images: encoded?, calibration: Some(calibration) })
@@ -73,15 +73,19 @@ impl Correction {
     /// An axis without image, a thermometer that the log does not have, another serial in the setup.
     pub fn fit_to(&self, shape: &LogShape, setup: &Setup) -> Result<(Vec<Image>, InputColumns)> {
         if let Some(wanted) = setup.serial.as_deref().filter(|serial| *serial != self.serial()) {
-            return Err(Error::input(format!("the correction belongs to {:?}, not to {wanted:?}", self.serial()))
-                .column("serial")
-                .help("a correction fits one gyro only"));
+            return Err(Error::input(
+                format!("the correction belongs to {:?}, not to {wanted:?}", self.serial()),
+                "a correction fits one gyro only",
+            )
+            .column("serial"));
         }
         let find = |axis: &char| {
             let image = self.images.iter().find(|image| char::from(image.description().axis) == *axis);
             image.copied().ok_or_else(|| {
-                Error::input(format!("the correction has no axis {axis}"))
-                    .help("give the axis of a single-axis log with --axis, or map other columns to \"ignore\"")
+                Error::input(
+                    format!("the correction has no axis {axis}"),
+                    "give the axis of a single-axis log with --axis, or map other columns to \"ignore\"",
+                )
             })
         };
         let images: Result<Vec<Image>> = shape.axes.iter().map(find).collect();
@@ -94,8 +98,10 @@ impl Correction {
             .filter(|name| !(only && name.is_empty()));
         let sensor = match setup.use_thermometer.clone().or(own) {
             Some(name) => Some(shape.thermometers.iter().position(|other| *other == name).ok_or_else(|| {
-                Error::input(format!("the log has no thermometer {name:?}, which the correction uses"))
-                    .help(format!("it has: {}", Error::choices(&shape.thermometers)))
+                Error::input(
+                    format!("the log has no thermometer {name:?}, which the correction uses"),
+                    format!("it has: {}", Error::choices(&shape.thermometers)),
+                )
             })?),
             None if shape.thermometers.is_empty() => None,
             None if only => Some(0),
@@ -103,7 +109,7 @@ impl Correction {
                 let names = shape.thermometers.join(", ");
                 let what =
                     format!("the log has several thermometers ({names}), and the image does not say which it uses");
-                return Err(Error::input(what).help("name it with --thermometer"));
+                return Err(Error::input(what, "name it with --thermometer"));
             }
         };
         let images = images?;

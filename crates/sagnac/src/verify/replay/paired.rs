@@ -65,7 +65,8 @@ impl PairedWindows {
             pair.corrected.end_file(summary);
             counter_end = log.counter_end();
         }
-        let pair = pair.ok_or_else(|| Error::input("no retest log given"))?;
+        let pair =
+            pair.ok_or_else(|| Error::input("no retest log is given", "give one or more logs after the calibration"))?;
         Ok(pair.finish())
     }
 

@@ -106,13 +106,24 @@ impl Replay {
     /// # Errors
     /// Images that do not fit the log (scale factor, tick, number).
     pub fn new(images: &[Image], shape: &LogShape, readings: InputColumns, file: &str) -> Result<Self> {
-        let head = images.first().ok_or_else(|| Error::input("no image for any axis of the log"))?.description();
+        let head = images
+            .first()
+            .ok_or_else(|| {
+                Error::input(
+                    "no image is given for any axis of the log",
+                    "give the calibration or the images of this gyro",
+                )
+            })?
+            .description();
         let same = |image: &Image| {
             let d = image.description();
             (d.tick_ns, d.period_ticks) == (head.tick_ns, head.period_ticks)
         };
         if images.len() != shape.axes.len() || !images.iter().all(same) {
-            return Err(Error::input("the images must be one per axis of the log, all with one tick and period"));
+            return Err(Error::input(
+                "the log needs one image per axis, all with one tick and period",
+                "export the images from one calibration",
+            ));
         }
         let with_columns = images.iter().zip(&readings.columns);
         let axes: Result<Vec<AxisReplay>> =
@@ -157,16 +168,20 @@ impl Replay {
         let (start, end) = (tick(batch.start_ns[row]).max(self.ticks_done), tick(batch.end_ns[row]));
         let gap = start - self.ticks_done;
         if end - self.ticks_done > MAX_UPDATES.saturating_mul(self.period_ticks) {
-            return Err(Error::input(format!("a row or gap of more than {MAX_UPDATES} temperature periods"))
-                .file(&self.file)
-                .line(batch.line[row])
-                .help("cut the log there; each file is a run of its own"));
+            return Err(Error::input(
+                format!("a row or gap of more than {MAX_UPDATES} temperature periods"),
+                "cut the log there; each file is a run of its own",
+            )
+            .file(&self.file)
+            .line(batch.line[row]));
         }
         if end - start > MAX_ROW_UPDATES.saturating_mul(self.period_ticks) {
-            return Err(Error::input(format!("a row of more than {MAX_ROW_UPDATES} temperature periods of the image"))
-                .file(&self.file)
-                .line(batch.line[row])
-                .help("give an image whose temperature period fits the rows of the log"));
+            return Err(Error::input(
+                format!("a row of more than {MAX_ROW_UPDATES} temperature periods of the image"),
+                "give an image whose temperature period fits the rows of the log",
+            )
+            .file(&self.file)
+            .line(batch.line[row]));
         }
         let is_gap = self.is_gap(batch, row);
         self.count_updates(gap, end - start, if is_gap { STEPS } else { 1 })
@@ -210,11 +225,13 @@ impl Replay {
         if self.updates <= MAX_ALL_UPDATES {
             return Ok(());
         }
-        Err(Error::input(format!(
-            "more than {MAX_ALL_UPDATES} slow updates up to here, at a temperature period of {} s",
-            s_from_ns(self.period_ticks.saturating_mul(self.tick_ns))
+        Err(Error::input(
+            format!(
+                "more than {MAX_ALL_UPDATES} slow updates up to here, at a temperature period of {} s",
+                s_from_ns(self.period_ticks.saturating_mul(self.tick_ns))
+            ),
+            "give an image with a longer temperature period, or cut the log",
         ))
-        .help("give an image with a longer temperature period, or cut the log"))
     }
 
     /// The state of an axis, for those who want to look inside.
@@ -224,10 +241,12 @@ impl Replay {
 }
 
 fn misused(error: Misuse, file: &str, line: u64) -> Error {
-    Error::input(format!("cannot be replayed: {error}"))
-        .file(file)
-        .line(line)
-        .help("for a rate log, a coarser rate_lsb_arcsec in the setup makes the counts smaller")
+    Error::input(
+        format!("cannot be replayed: {error}"),
+        "for a rate log, a coarser rate_lsb_arcsec in the setup makes the counts smaller",
+    )
+    .file(file)
+    .line(line)
 }
 
 /// Values of a row of a log.
@@ -304,10 +323,13 @@ impl AxisReplay {
         let lsb = match unit {
             AngleUnit::Quanta { .. } if (unit.arcsec() / arcsec_per_lsb - 1.0).abs() < 1e-9 => 1.0,
             AngleUnit::Quanta { .. } => {
-                return Err(Error::input(format!(
-                    "the image was made for {arcsec_per_lsb} arcsec per quantum, the log has {}",
-                    unit.arcsec()
-                ))
+                return Err(Error::input(
+                    format!(
+                        "the image was made for {arcsec_per_lsb} arcsec per quantum, and the log has {}",
+                        unit.arcsec()
+                    ),
+                    "correct arcsec_per_count in the setup, or export again",
+                )
                 .column("arcsec_per_count"));
             }
             AngleUnit::Arcsec => arcsec_per_lsb,

@@ -135,8 +135,10 @@ impl<'a> PreparedWindows<'a> {
 }
 
 fn too_few(used: &[usize]) -> Error {
-    Error::refused(format!("{} usable windows; before and after need at least two per run", used.len()))
-        .help("give a longer retest or a shorter --window")
+    Error::refused(
+        format!("{} usable windows; before and after need at least two per run", used.len()),
+        "give a longer retest or a shorter --window",
+    )
 }
 
 impl Against<'_> {

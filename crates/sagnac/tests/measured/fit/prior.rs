@@ -166,7 +166,7 @@ fn a_new_lot_is_within_many() {
     for lot in [None, Some("lot 7")] {
         let error = fleet.prior.of_unit(lot).unwrap_err();
         assert_eq!(error.kind, sagnac::ErrorKind::Refused);
-        assert!(error.help.unwrap().contains("lot 0, lot 1, lot 2"));
+        assert!(error.help.contains("lot 0, lot 1, lot 2"));
     }
 }
 
@@ -214,7 +214,7 @@ fn odd_units_are_refused_by_name() {
             let odd = gyro(of, &mut dice);
             match calibrated(odd.log(unit + 31, short), Some(&fleet.of_lot())) {
                 Ok(_) => false,
-                Err(e) => e.what.contains("not of this fleet") && e.help.unwrap().contains("full test"),
+                Err(e) => e.what.contains("not of this fleet") && e.help.contains("full test"),
             }
         })
     };

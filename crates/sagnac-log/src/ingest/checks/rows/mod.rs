@@ -250,12 +250,12 @@ impl RowValidator {
     fn refuse_leap(&self, row: &Row<'_>) -> Result<()> {
         let broken = row.rows.faults[row.at].has(Faults::RAGGED);
         match (row.time_ns(), self.clock_ns) {
-            (Some(now), Some(before)) if !broken && now.saturating_sub(before) > LEAP_NS => {
-                Err(Error::input(format!("time leaps by {:.0} days", s_from_ns(now.saturating_sub(before)) / 86_400.0))
-                    .file(&self.file)
-                    .line(row.line())
-                    .help("cut the log there and give both parts; each file is a run of its own"))
-            }
+            (Some(now), Some(before)) if !broken && now.saturating_sub(before) > LEAP_NS => Err(Error::input(
+                format!("time leaps by {:.0} days", s_from_ns(now.saturating_sub(before)) / 86_400.0),
+                "cut the log there and give both parts; each file is a run of its own",
+            )
+            .file(&self.file)
+            .line(row.line())),
             _ => Ok(()),
         }
     }
@@ -313,11 +313,13 @@ impl RowValidator {
         let broken = exact.iter().position(|q| !is_whole_total(*q));
         match broken {
             Some(axis) if !row.is_flagged() => {
-                return Err(Error::input(format!("not a whole number of quanta (quantum {quantum} counts)"))
-                    .file(&self.file)
-                    .line(row.line())
-                    .value(row.rows.axes[axis][row.at].to_string())
-                    .help("give the smallest step of the counts column with --quantum or in the setup"));
+                return Err(Error::input(
+                    format!("not a whole number of quanta (quantum {quantum} counts)"),
+                    "give the smallest step of the counts column with --quantum or in the setup",
+                )
+                .file(&self.file)
+                .line(row.line())
+                .value(row.rows.axes[axis][row.at].to_string()));
             }
             Some(_) => return Ok(None),
             None => {}
@@ -331,13 +333,13 @@ impl RowValidator {
             Counter::Incremental => Ok(None),
             // A flagged total is not a base for the next difference.
             Counter::Cumulative if row.is_flagged() => Ok(None),
-            Counter::Cumulative if exact.iter().any(|q| self.beyond_width(*q)) => {
-                Err(Error::input(format!("a total beyond {} bits", self.counter_bits.unwrap_or(0)))
-                    .file(&self.file)
-                    .line(row.line())
-                    .column("counter_bits")
-                    .help("give the counter's true width"))
-            }
+            Counter::Cumulative if exact.iter().any(|q| self.beyond_width(*q)) => Err(Error::input(
+                format!("a total beyond {} bits", self.counter_bits.unwrap_or(0)),
+                "give the counter's true width",
+            )
+            .file(&self.file)
+            .line(row.line())
+            .column("counter_bits")),
             Counter::Cumulative => self.totals(row, exact.iter().map(|q| q.round() as i64).collect(), interval, batch),
         }
     }
@@ -401,12 +403,12 @@ impl RowValidator {
                     return Ok(None);
                 }
                 CounterStep::Wrap(bits, step) => {
-                    return Err(Error::input(format!(
-                        "the cumulative counter steps by {step} quanta, as one of {bits} bits that wraps does"
-                    ))
+                    return Err(Error::input(
+                        format!("the cumulative counter steps by {step} quanta, as one of {bits} bits that wraps does"),
+                        "give its width with --counter-bits or counter_bits in the setup",
+                    )
                     .file(&self.file)
-                    .line(row.line())
-                    .help("give its width with --counter-bits or counter_bits in the setup"));
+                    .line(row.line()));
                 }
             }
         }
