@@ -110,7 +110,7 @@ fn units(source: &str, stores: &Stores) -> Result<Vec<Unit>> {
 fn recipe(args: &Args) -> Result<Recipe> {
     let setup = args.setup.as_deref().map(Setup::read).transpose()?.unwrap_or_default();
     if setup.serial.is_some() {
-        return Err(Error::input("one serial number for all units", "take it out: each unit has its name, or the serial number of its own setup")
+        return Err(Error::input("one serial number is given for all units", "remove it: each unit uses its name, or the serial number in its own setup")
             .column("serial"));
     }
     let epoch = std::env::var("SOURCE_DATE_EPOCH").ok().filter(|text| !text.is_empty()).map(|text| {

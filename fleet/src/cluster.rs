@@ -141,7 +141,7 @@ async fn answers_of(
         })
         .await
         .map_err(|e| {
-            Error::input(format!("the cluster does not do it: {}", words(&e)), "what is done is in the folder; start the scheduler and its executors, and run it again")
+            Error::input(format!("the cluster failed: {}", words(&e)), "start the scheduler and its executors, and run the command again: finished units are kept")
                 .value(cluster.url)
         })
 }

@@ -157,7 +157,7 @@ impl Stores {
             builder
         };
         let store = builder.build().map_err(|e| {
-            Error::input(format!("the object store cannot be reached as the environment says: {e}"), "AWS_ENDPOINT, AWS_REGION, AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY say where it is and who asks")
+            Error::input(format!("the object store cannot be reached with these settings: {e}"), "correct AWS_ENDPOINT, AWS_REGION, AWS_ACCESS_KEY_ID or AWS_SECRET_ACCESS_KEY")
         })?;
         let store: Arc<dyn ObjectStore> = Arc::new(store);
         known.insert(bucket.to_owned(), store.clone());
@@ -311,7 +311,7 @@ fn parted(name: &str) -> Result<(&str, &str)> {
     let parts = name.strip_prefix(SCHEME).map(|rest| rest.split_once('/').unwrap_or((rest, "")));
     parts
         .filter(|(bucket, _)| !bucket.is_empty())
-        .ok_or_else(|| Error::input("not the name of an object", "such as s3://bucket/prefix").file(name))
+        .ok_or_else(|| Error::input("this is not the name of an object", "write it like s3://bucket/prefix").file(name))
 }
 
 /// What a store said, without what it was asked with.

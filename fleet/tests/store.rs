@@ -198,8 +198,8 @@ fn units_of_a_store_are_those_of_a_folder() {
     let (status, told, problems) = calibrate(&it, "s3://rlg/manifest.csv", "by-line", store.port, &[]);
     assert!(status == 0 && told.contains("1 unit: 1 calibrated"), "{told}{problems}");
     for (source, why) in [
-        ("s3://rlg/nothing", "no object of this name"),
-        ("s3://", "not the name of an object"),
+        ("s3://rlg/nothing", "no object has this name"),
+        ("s3://", "this is not the name of an object"),
         ("s3://rlg/units/{gyro}.csv", "{gyro}"),
         ("s3://rlg/units/{unit}/none-{run}.csv", "no file matches"),
     ] {

@@ -109,7 +109,7 @@ impl Calibration {
     fn behind(&self) -> PyResult<&(Windows, ReportData)> {
         self.behind.as_deref().ok_or_else(|| {
             exception(
-                Error::input("a record that was read has no windows: it holds what was fitted, not the data", "calibrate the runs again"),
+                Error::input("a record from a file has no windows", "calibrate the runs again"),
             )
         })
     }
@@ -170,7 +170,7 @@ impl Calibration {
         let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
         let write = || -> Result<()> {
             if let Some((_, path)) = files.iter().zip(&paths).find(|(file, path)| !file.may_replace(path)) {
-                return Err(Error::input("an export would replace this file, which is not its own", "export into an empty folder")
+                return Err(Error::input("the export would overwrite a file that another program wrote", "export into an empty folder, such as export/")
                     .file(path.display().to_string()));
             }
             for (file, path) in files.iter().zip(&paths) {

@@ -24,7 +24,7 @@ impl Compensator {
     /// Of an image's bytes, signed or not.
     #[new]
     fn new(image: &[u8]) -> PyResult<Self> {
-        let refused = |e: String| exception(sagnac::Error::input(format!("not a usable image: {e}"), "export the calibration again: calibration.images()"));
+        let refused = |e: String| exception(sagnac::Error::input(format!("not a usable image: {e}"), "export the calibration again: calibration.image(axis, 1)"));
         let (bytes, _) = SignatureBlock::split(image).map_err(|e| refused(e.to_string()))?;
         let image = Image::decode(bytes).map_err(|e| refused(e.to_string()))?;
         Ok(Self { compensator: sagnac_core::Compensator::new(image), state: State::new(), status: Status::OK })

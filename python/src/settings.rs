@@ -6,7 +6,7 @@ use sagnac::{Error, Limits, Result, Setup};
 pub(crate) fn setup(base: Setup, file: Option<&str>, keys: &str) -> Result<Setup> {
     let base = file.map(Setup::read).transpose()?.unwrap_or(base);
     let broken =
-        |e: serde_json::Error| Error::input(format!("setup: {e}"), "docs/reference/cli.md lists the keys");
+        |e: serde_json::Error| Error::input(format!("setup: {e}"), "correct the key: docs/reference/cli.md lists all of them");
     let keys: serde_json::Map<String, serde_json::Value> = serde_json::from_str(keys).map_err(broken)?;
     if keys.is_empty() {
         return Ok(base);
@@ -27,7 +27,7 @@ pub(crate) fn limits(text: &str) -> Result<Limits> {
         return Limits::named_or_read(text);
     }
     let broken = |e: &dyn std::fmt::Display| {
-        Error::input(format!("limits: {e}"), "docs/reference/limits.md lists the keys")
+        Error::input(format!("limits: {e}"), "correct the key: docs/reference/limits.md lists all of them")
     };
     let keys: serde_json::Value = serde_json::from_str(text).map_err(|e| broken(&e))?;
     Limits::parse(&toml::to_string(&keys).map_err(|e| broken(&e))?)

@@ -49,7 +49,7 @@ def test_keys_are_those_of_a_setup_file(program: Program) -> None:
 
 def test_a_table_of_windows_is_no_log(program: Program, tmp_path: Path) -> None:
     program("inspect", *RUNS, "--setup", "bench.toml", "--windows", tmp_path / "windows.parquet")
-    with pytest.raises(sagnac.InputError, match="a table of windows, not a log"):
+    with pytest.raises(sagnac.InputError, match="this is a table of windows, not a log"):
         sagnac.calibrate(tmp_path / "windows.parquet", model=MODEL)
 
 
@@ -111,7 +111,7 @@ def test_images_and_sources_are_the_programs(unit: sagnac.Calibration, record: P
     for name in names:
         assert (tmp_path / "package" / name).read_bytes() == (tmp_path / "program" / name).read_bytes()
     (tmp_path / "package" / "Makefile").write_text("mine:\n")
-    with pytest.raises(sagnac.InputError, match="would replace this file"):
+    with pytest.raises(sagnac.InputError, match="would overwrite a file"):
         unit.export_c(tmp_path / "package")
 
 

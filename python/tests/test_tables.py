@@ -117,7 +117,7 @@ BAD: dict[str, tuple[Any, str]] = {
     "beyond": ({"time_s": numpy.arange(9.0) * 1e300, "counts": numpy.full(9, 2**62)}, ""),
     "same name twice": (pandas.DataFrame([[1, 2, 3]], columns=["time_s", "counts", "counts"]), "two columns"),
     "a missing file": ("no-such-file.csv", "cannot open"),
-    "a folder": (os.fspath(CHAMBER), "directory"),
+    "a folder": (os.fspath(CHAMBER), "folder"),
 }
 
 

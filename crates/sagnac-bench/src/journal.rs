@@ -132,8 +132,8 @@ impl JournalWriter {
         let file = File::options().read(true).append(true).create_new(!is_empty).open(path);
         let file = file.map_err(|e| match e.kind() {
             ErrorKind::AlreadyExists => Error::input(
-                "a recording of this name is there already",
-                "--resume goes on with it; --finish makes its log; or give another -o",
+                "a recording of this name exists already",
+                "continue it with --resume, make its log with --finish, or give another -o",
             )
             .file(path.display().to_string()),
             _ => Error::io_path(path, "make", &e),
@@ -158,7 +158,7 @@ impl JournalWriter {
 
     fn of(file: File, path: &Path, length: u64) -> Result<Self> {
         file.try_lock().map_err(|_| {
-            Error::input("another program records into this file", "end it first, or give another -o")
+            Error::input("another program records into this file", "end that program, or give another -o")
                 .file(path.display().to_string())
         })?;
         Ok(Self { file, path: path.to_owned(), length, waiting: Vec::new(), is_synced: true })
@@ -199,7 +199,7 @@ impl JournalWriter {
             // Part of the block may be there: a reader would skip it, a resumed recording remove it.
             let _ = self.file.set_len(self.length);
             return Err(Error::io_path(&self.path, "write", &error).help(
-                "what was recorded before is kept; when there is room again, --resume goes on, and --finish makes the log",
+                "free space, then continue with --resume, or make the log with --finish: earlier rows are safe",
             ));
         }
         self.length += block.len() as u64;
@@ -256,7 +256,7 @@ impl JournalReader {
             } else {
                 "not the journal of a recording"
             };
-            return Err(Error::input(what, "leave --resume and --finish out to begin a recording")
+            return Err(Error::input(what, "remove --resume and --finish to begin a recording")
                 .file(path.display().to_string()));
         }
         Ok(reader)

@@ -192,7 +192,7 @@ impl JournalRows {
 pub fn finish(mut rows: JournalRows, log: &Path) -> Result<Finished> {
     let journal = rows.reader.path().to_owned();
     let nothing = || {
-        Error::refused("nothing was recorded that is a row", "`format`, `headers` and [columns] of the setup say how the bytes are read; the journal keeps them: correct the setup, and --finish with it")
+        Error::refused("the recorded bytes contain no row", "correct `format`, `headers` or [columns] in the setup, and run again with --finish: the journal keeps the bytes")
             .file(journal.display().to_string())
     };
     let Some(schema) = rows.schema()? else { return Err(rows.decoder.problem().cloned().unwrap_or_else(nothing)) };

@@ -132,7 +132,7 @@ impl Session {
 /// The gyro's source.
 fn address_of(setup: &Setup) -> Result<Address> {
     let source = setup.bench.source.as_deref().ok_or_else(|| {
-        Error::input("where the gyro's bytes come from is not stated", "give --source, or `source` under [bench]: -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE, replay:LOG")
+        Error::input("the source of the gyro's bytes is not given", "give --source, or `source` under [bench]: -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE, replay:LOG")
             .column("bench.source")
     })?;
     source.parse()
@@ -175,7 +175,7 @@ fn statuses(setup: &Setup, names: &[String]) -> Vec<SourceStatus> {
 /// Reads what was recorded before, as far as going on needs it.
 fn before(journal: &Path) -> Result<Before> {
     if !journal.exists() {
-        return Err(Error::input("no recording to go on with", "leave --resume out to begin one")
+        return Err(Error::input("there is no recording to continue", "remove --resume to begin one")
             .file(journal.display().to_string()));
     }
     let mut reader = JournalReader::open(journal)?;
@@ -206,7 +206,7 @@ fn check_same(start: &Start, setup: &Setup) -> Result<()> {
         return Ok(());
     }
     Err(Error::input(
-        "the setup is not that of the recording: rows or windows would differ",
-        "give the bench.toml that it began with; the journal holds its text, and --finish uses that",
+        "the setup differs from the recording's: rows or windows would change",
+        "give the bench.toml of the recording, or make the log with --finish",
     ))
 }

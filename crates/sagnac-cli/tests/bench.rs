@@ -257,7 +257,7 @@ fn a_pipe_is_recorded_and_calibrated() {
     // What is there is not replaced.
     let twice = bench.run(&["--source", "-"]);
     assert_eq!(twice.status.code(), Some(2));
-    assert!(text(&twice.stderr).contains("is there already"), "{}", text(&twice.stderr));
+    assert!(text(&twice.stderr).contains("exists already"), "{}", text(&twice.stderr));
 }
 
 /// What cannot work is refused before anything is recorded.
@@ -275,7 +275,7 @@ fn what_cannot_work_is_refused_first() {
     refused(&["--source", "-", "--limits", "no-such-set"], "no-such-set");
     refused(&["--source", "-", "--stop-when", "met"], "--limits");
     refused(&["--source", "-", "--stop-when", "met", "--limits", "navigation-grade"], "span_c");
-    refused(&["--source", "-", "--resume"], "no recording to go on with");
+    refused(&["--source", "-", "--resume"], "there is no recording to continue");
     refused(&["--finish"], "run.parquet.journal");
     refused(&["--source", "-", "--model", "cubic"], "cubic");
     std::fs::write(bench.path("bench.toml"), "[bench]\nheaders = \"a,b\"\n").unwrap();
@@ -298,7 +298,7 @@ fn garbage_is_kept_and_no_log() {
     std::fs::write(&path, &garbage).unwrap();
     let out = bench.command(&["--source", "-"]).stdin(std::fs::File::open(&path).unwrap()).output().unwrap();
     assert_eq!(out.status.code(), Some(3), "{}", text(&out.stderr));
-    assert!(text(&out.stderr).contains("nothing was recorded that is a row"), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("the recorded bytes contain no row"), "{}", text(&out.stderr));
     assert!(bench.journal_bytes() >= 200_000);
     assert!(!bench.path("run.parquet").exists());
 }
@@ -312,7 +312,7 @@ fn a_recording_goes_on_with_its_own_setup() {
     let before = bench.journal_bytes();
     let other = bench.run(&["--source", "-", "--resume", "--arcsec-per-count", "0.7"]);
     assert_eq!(other.status.code(), Some(2));
-    assert!(text(&other.stderr).contains("not that of the recording"), "{}", text(&other.stderr));
+    assert!(text(&other.stderr).contains("differs from the recording"), "{}", text(&other.stderr));
     assert_eq!(bench.journal_bytes(), before);
 }
 
@@ -332,7 +332,7 @@ fn a_full_disk_stops_the_recording_with_a_word() {
         format!("ulimit -f 100; exec {program} bench bench.toml -o run.parquet --page none --source file:live.csv");
     let out = Command::new("bash").args(["-c", &line]).current_dir(bench.folder.path()).output().unwrap();
     assert_eq!(out.status.code(), Some(2), "{}", text(&out.stderr));
-    assert!(text(&out.stderr).contains("--resume goes on"), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("with --resume"), "{}", text(&out.stderr));
     assert!(bench.journal_bytes() <= 102_400 && !bench.path("run.parquet").exists());
     let mut child = bench.start(&["--resume"]);
     let mut since = (bench.journal_bytes(), Instant::now());

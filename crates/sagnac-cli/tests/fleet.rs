@@ -143,7 +143,7 @@ fn a_broken_log_is_a_row_and_not_the_end() {
         ("rubbish", "no column of counts or rates"),
         ("parquet", "failed"),
         ("odd-setup", "arcsec_per_cuont"),
-        ("empty", "no log of this unit"),
+        ("empty", "the unit has no log"),
         ("level", "refused"),
         ("RLG-2", "retest not judged"),
     ] {
@@ -298,7 +298,7 @@ fn sources_that_cannot_be_meant_are_refused() {
         ("odd.csv", format!("unit,run,batch\nA,{log},1\n"), "`batch`"),
         ("two-lots.csv", format!("unit,run,lot\nA,{log},1\nA,units/RLG-0/run-2.csv,2\n"), "two-lots.csv:3"),
         ("twice.csv", format!("unit,run\nA,{log}\nA,{log}\n"), "the same log twice"),
-        ("name.csv", format!("unit,run\n../A,{log}\n"), "not a name for a unit"),
+        ("name.csv", format!("unit,run\n../A,{log}\n"), "the name cannot be used for a unit"),
         ("use.csv", format!("unit,run,use\nA,{log},retest\n"), "`calibrate` or `verify`"),
         ("empty.csv", "unit,run\n".to_owned(), "no line"),
         ("short.csv", "unit,run,lot\nA\n".to_owned(), "short.csv"),
@@ -309,7 +309,7 @@ fn sources_that_cannot_be_meant_are_refused() {
     }
     for (source, why) in [
         ("units/{unit}/{gyro}.csv", "{gyro}"),
-        ("units/{lot}/*.csv", "without {unit}"),
+        ("units/{lot}/*.csv", "has no {unit}"),
         ("units/{unit}/none-{run}.csv", "no file matches"),
         ("nowhere", "nowhere"),
     ] {
@@ -318,14 +318,14 @@ fn sources_that_cannot_be_meant_are_refused() {
     }
     for folder in ["units", "units/fleet", "./units/../units/a/b"] {
         let (status, _, said) = it.fleet("units", folder, &[]);
-        assert!(status == 2 && said.contains("among the units"), "{folder}: {said}");
+        assert!(status == 2 && said.contains("inside the folder of the units"), "{folder}: {said}");
     }
     for args in [["fleet", "report", "units"], ["fleet", "prior", "units"]] {
         let (status, _, said) = it.run(&args);
-        assert!(status == 2 && said.contains("not a folder of `sagnac fleet calibrate`"), "{said}");
+        assert!(status == 2 && said.contains("this is not a folder of `sagnac fleet calibrate`"), "{said}");
     }
     let (status, _, said) = it.fleet("units", "fleet", &["--serial", "RLG-7"]);
-    assert!(status == 2 && said.contains("one serial number for all units"), "{said}");
+    assert!(status == 2 && said.contains("one serial number is given for all units"), "{said}");
     assert!(!it.path("fleet").exists());
     assert_eq!(fs::read_dir(it.path("units")).unwrap().count(), 1);
     // Of a table calculator: a byte order mark, semicolons, carriage returns.
@@ -422,12 +422,12 @@ fn the_prior_of_a_fleet_is_that_of_its_units() {
     let before = files(it.0.path());
     for output in ["fleet/fleet.parquet", "fleet/units/RLG-3.json", "fleet/records/RLG-3.cal.json"] {
         let (status, _, said) = it.run(&["fleet", "prior", "fleet", "-o", output]);
-        assert!(status == 2 && said.contains("this file is read here"), "{output}: {status} {said}");
+        assert!(status == 2 && said.contains("the command reads this file"), "{output}: {status} {said}");
     }
     it.write("limits.toml", b"drift_dph_per_c_max = 0.01\n");
     let plan = ["plan", "--prior", "fleet.prior.json", "--limits", "limits.toml", "-o", "limits.toml"];
     let (status, _, said) = it.run(&plan);
-    assert!(status == 2 && said.contains("this file is read here"), "{status} {said}");
+    assert!(status == 2 && said.contains("the command reads this file"), "{status} {said}");
     std::fs::remove_file(it.path("limits.toml")).unwrap();
     assert!(files(it.0.path()) == before);
     let (_, said, _) = it.run(&["inspect", "fleet.prior.json"]);
@@ -589,8 +589,8 @@ fn the_demonstration_shows_what_it_says() {
     for (more, status, why) in [
         (&["--lot", "A", "--share", "0.02"][..], 3, "no test of up to 24 h"),
         (&["--lot", "D"], 3, "no lot of this name"),
-        (&["--lot", "A", "--start", "90"], 2, "outside of the fleet's"),
-        (&["--lot", "A", "--ramps", "0"], 2, "ramps at"),
+        (&["--lot", "A", "--start", "90"], 2, "outside the fleet's"),
+        (&["--lot", "A", "--ramps", "0"], 2, "0.01 … 20 °C/min"),
         (&["--lot", "A", "--probability", "1"], 2, "between 0 and 1"),
     ] {
         let (found, _, problems) = with(more);
@@ -599,9 +599,9 @@ fn the_demonstration_shows_what_it_says() {
     it.write("none.toml", b"arw_deg_rt_h_max = 0.004\n");
     let (status, _, problems) =
         it.run(&["plan", "--prior", "factory/fleet.prior.json", "--lot", "A", "--limits", "none.toml"]);
-    assert!(status == 2 && problems.contains("no limit that a calibration test decides"), "{problems}");
+    assert!(status == 2 && problems.contains("the limits contain none that a calibration test decides"), "{problems}");
     let (status, _, problems) = it.run(&["fleet", "prior", "factory/fleet", "--without-rig", "east"]);
-    assert!(status == 2 && problems.contains("no unit of this rig"), "{problems}");
+    assert!(status == 2 && problems.contains("no unit of the fleet has this rig"), "{problems}");
 }
 
 /// The same log under two names is one test of one unit: it says once how units scatter.

@@ -246,13 +246,14 @@ fn a_folder_and_a_pattern_stand_for_their_logs() {
     assert!(output.status.success(), "{}", said(&output));
     assert!(String::from_utf8_lossy(&output.stdout).contains("the size of a count is not known"));
     fs::create_dir(at.join("none")).unwrap();
-    for (argument, word) in [("none", "no log in this folder"), ("runs/*.parquet", "no file matches this pattern")] {
+    for (argument, word) in [("none", "the folder contains no log"), ("runs/*.parquet", "no file matches this pattern")]
+    {
         let output = sagnac(at, &["calibrate", argument, "--arcsec-per-count", "1"]);
         assert!(output.status.code() == Some(2) && said(&output).contains(word), "{}", said(&output));
     }
     // An output that is one of the folder's logs is refused before the work.
     let output = sagnac(at, &["calibrate", "runs", "--arcsec-per-count", "1", "-o", "runs/run-3.csv"]);
-    assert!(said(&output).contains("this file is read here"), "{}", said(&output));
+    assert!(said(&output).contains("the command reads this file"), "{}", said(&output));
 }
 
 /// `init` writes a setup from which `calibrate` makes of an odd log what it makes of the plain one.
@@ -498,7 +499,7 @@ fn a_running_total_is_not_calibrated_as_counts_of_rows() {
     for total in totals {
         let refused = calibrated(at, total, &[]);
         assert_eq!(refused.status.code(), Some(2), "{}", said(&refused));
-        assert!(said(&refused).contains("as a running total does") && said(&refused).contains("--counter cumulative"));
+        assert!(said(&refused).contains("like a running total") && said(&refused).contains("--counter cumulative"));
         for counter in ["incremental", "cumulative"] {
             let stated = calibrated(at, total, &["--counter", counter]);
             assert!(stated.status.success(), "{counter}: {}", said(&stated));

@@ -97,8 +97,8 @@ fn inputs_and_outputs_are_kept_apart() {
         let (status, said) = it.run(&case);
         assert_eq!(status, 2, "{case}: {said}");
         assert_eq!(it.all(), before, "{case}: {said}");
-        let named = said.contains("this file is read here")
-            || said.contains("written twice")
+        let named = said.contains("the command reads this file")
+            || said.contains("two outputs have this name")
             || said.contains("does not exist");
         assert!(named || said.contains("no .csv is written"), "{case}: {said}");
     }
@@ -114,7 +114,7 @@ fn derived_names_are_compared_too() {
         let input = folder.join("c").join(name);
         fs::copy(folder.join("unit.img"), &input).unwrap();
         let (status, said) = it.run(&format!("export c/{name} --to c -o c"));
-        assert!(status == 2 && said.contains("this file is read here"), "{said}");
+        assert!(status == 2 && said.contains("the command reads this file"), "{said}");
         assert_eq!(fs::read(&input).unwrap(), fs::read(folder.join("unit.img")).unwrap());
     }
 }
@@ -230,7 +230,7 @@ fn outputs_are_tried_before_the_work() {
     ] {
         let (status, said) = it.run(line);
         assert_eq!(status, 2, "{line}: {said}");
-        let about_output = ["nowhere", "a-file", "a directory", "Not a directory"];
+        let about_output = ["nowhere", "a-file", "a folder", "Not a directory"];
         assert!(about_output.iter().any(|word| said.contains(word)) && !said.contains("rubbish"), "{line}: {said}");
     }
 }

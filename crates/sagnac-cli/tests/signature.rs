@@ -109,14 +109,14 @@ fn a_signed_image_is_an_image() {
     assert!(sagnac(&twice).2.contains("is signed already"));
 }
 
-/// A key is readable by its owner alone, and is never written over; what is no key is refused by name.
+/// A key is readable by its owner alone, and is never overwritten; what is no key is refused by name.
 #[test]
 fn keys_are_kept() {
     let it = Folder::new();
     let key = it.path("a.key");
     let before = fs::read(&key).unwrap();
     let (status, _, complained) = sagnac(&["key", "new", "-o", text(&key)]);
-    assert!(status == 2 && complained.contains("never written over"), "{complained}");
+    assert!(status == 2 && complained.contains("never overwritten"), "{complained}");
     assert_eq!(fs::read(&key).unwrap(), before);
     fs::remove_file(it.path("a.pub")).unwrap();
     assert_eq!(sagnac(&["key", "new", "-o", text(&key)]).0, 2);
@@ -132,7 +132,7 @@ fn keys_are_kept() {
         ("key sign IMAGE --key KEY --model A --counter 1 -o KEY", "a.key"),
         ("export IMAGE --to c --sign KEY --model A --counter 1 -o x", "--to image"),
         ("export IMAGE --to image --trial -o x", "--to upload"),
-        ("export IMAGE --to image --model A -o x", "belongs to --sign"),
+        ("export IMAGE --to image --model A -o x", "applies only with --sign"),
         ("export IMAGE --to image --sign KEY --model A -o x", "--counter"),
     ] {
         let args: Vec<&str> = words

@@ -99,8 +99,8 @@ fn folder(path: &Path) -> Result<Vec<PathBuf>> {
     logs.retain(|file| file.is_file() && is_log(file));
     if logs.is_empty() {
         return Err(Error::input(
-            "no log in this folder",
-            format!("the names of logs end in {}; name others one by one", Error::choices(&ENDINGS.map(str::to_owned))),
+            "the folder contains no log",
+            format!("give files by name, or rename them: logs end in {}", Error::choices(&ENDINGS.map(str::to_owned))),
         )
         .file(path.display().to_string()));
     }

@@ -20,7 +20,7 @@ pub fn read_text(path: &Path, what: &str, most_bytes: u64) -> Result<String> {
     if bytes.len() as u64 > most_bytes {
         return Err(named(Error::input(
             format!("cannot {what}: the file is larger than {most_bytes} bytes"),
-            "give the right file: this one is too large to be one",
+            "give the right file: this one is too large",
         )));
     }
     let text = String::from_utf8(bytes).map_err(|_| {

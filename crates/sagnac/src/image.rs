@@ -77,7 +77,7 @@ fn check_work(image: &Image, most: Option<u32>) -> Result<()> {
             format!(
                 "axis {axis}: the slow update takes {instructions} instructions, and the target has time for {most}"
             ),
-            "take a smaller --model, or fewer inputs",
+            "choose a smaller --model, or fewer inputs",
         )
         .column("slow_update_instructions_max"))
     })
@@ -418,7 +418,7 @@ fn lag_spec(tau_s: f64, period_s: f64, far_cpm: f64, span_cpm: [f64; 2]) -> Resu
     let alpha_shift = 30 - alpha.log2().floor() as i32;
     if !(31..=62).contains(&alpha_shift) {
         let holds = format!("lags of {} s and more", significant(period_s, 3));
-        return Err(too_large("lag_s", tau_s, &holds).help("leave the rate terms out of --model"));
+        return Err(too_large("lag_s", tau_s, &holds).help("remove the rate terms from --model"));
     }
     // The finest unit in which the far border of the rate span still fits 31 bits.
     let far_step = far_cpm * period_s / 60.0;
@@ -568,25 +568,23 @@ impl Frame {
         let (reached, holds) = (self.in_unit(kind, value), self.in_unit(kind, limit));
         let over = value / limit;
         let remedy = match (kind, self.unit) {
-            (Kind::Scale, _) => "take fewer scale terms, a reference_c in the middle of the span, or a narrower span \
+            (Kind::Scale, _) => "use fewer scale terms, a reference_c in the middle of the span, or a narrower span \
                                  of temperature"
                 .to_owned(),
             (Kind::Bias, LogUnit::Rates { lsb_arcsec }) => {
                 let enough = RATE_LSBS.into_iter().find(|lsb| *lsb >= lsb_arcsec * over);
                 let lsb = enough.map_or("coarser".to_owned(), |lsb| format!("of {lsb}"));
-                format!(
-                    "a rate_lsb_arcsec {lsb} holds it, and without that key it is chosen so; or take a smaller --model"
-                )
+                format!("set a rate_lsb_arcsec {lsb}, remove that key, or choose a smaller --model")
             }
             (Kind::Bias, LogUnit::Counts { .. }) if limit < TERM_MAX => {
                 let period_s = significant(self.target.period_s() / over, 2);
-                format!("a temperature_period_s of {period_s} or less holds it; or take a smaller --model")
+                format!("set temperature_period_s to {period_s} or less, or choose a smaller --model")
             }
             (Kind::Bias, LogUnit::Counts { .. }) => {
                 let tick_s = significant(self.target.tick_s() / over, 2);
-                format!("a tick_s of {tick_s} or less holds it; or take a smaller --model")
+                format!("set tick_s to {tick_s} or less, or choose a smaller --model")
             }
         };
-        Error::input(format!("{what} {reached}, and an image holds {holds}"), remedy)
+        Error::input(format!("{what} {reached}, and the limit of an image is {holds}"), remedy)
     }
 }

@@ -86,7 +86,8 @@ impl Calibration {
         match self.axes.as_slice() {
             [axis] => Ok(axis.evaluate(temperature_c, rate_cpm)),
             _ => {
-                Err(Error::input("the calibration has several axes", "name one: axis('z')?.evaluate(…)").column("axis"))
+                Err(Error::input("the calibration has several axes", "choose one: axis('z')?.evaluate(…)")
+                    .column("axis"))
             }
         }
     }

@@ -32,7 +32,7 @@ fn between_no_prior_and_nothing_else() {
     let mut certain = fleet.of_lot();
     certain.covariance.iter_mut().for_each(|value| *value *= 1e-12);
     let refusal = calibrated(log(), Some(&certain)).unwrap_err();
-    assert!(refusal.what.contains("shows nothing in which the units of the fleet differ"), "{refusal}");
+    assert!(refusal.what.contains("does not separate the units of the fleet"), "{refusal}");
 }
 
 /// What is in the record, and that it is read again; the image has the hash of the record, so that of the prior is bound to it.
@@ -73,11 +73,11 @@ fn a_prior_is_no_calibration() {
     // A chamber that stands still.
     let level = gyro.log(1, |bench| (bench.hours, bench.chamber_c) = (Some(4.0), |_| 20.0));
     let refusal = calibrated(level, Some(&fleet.of_lot())).unwrap_err();
-    assert!(refusal.what.contains("shows nothing in which the units of the fleet differ"), "{refusal}");
+    assert!(refusal.what.contains("does not separate the units of the fleet"), "{refusal}");
     // Ten minutes.
     let brief = gyro.log(2, |bench| (bench.hours, bench.chamber_c) = (Some(0.15), short_c));
     let refusal = calibrated(brief, Some(&fleet.of_lot())).unwrap_err();
-    assert!(refusal.what.contains("too few to tell how noisy"), "{refusal}");
+    assert!(refusal.what.contains("too few for the noise of the test"), "{refusal}");
     // Another product.
     let other = Gyro { curve: [-0.6, 0.1, 0.0], ..gyro };
     let refusal = calibrated(other.log(3, short), Some(&fleet.of_lot())).unwrap_err();
@@ -85,6 +85,6 @@ fn a_prior_is_no_calibration() {
     for options in [FitOptions::new(support::model(MODEL)), FitOptions::new(Model::Auto).correct_warm_up(true)] {
         let options = options.prior(Some(fleet.of_lot()));
         let refusal = support::fit_with(vec![gyro.log(4, short)], &Bench::setup(), &options).unwrap_err();
-        assert!(refusal.what.contains("does not go with a prior"), "{refusal}");
+        assert!(refusal.what.contains("cannot be combined with a prior"), "{refusal}");
     }
 }

@@ -172,5 +172,5 @@ fn misalignment_from_two_orientations() {
         }
     }
     let asked = fitted(Vec::new()).unwrap_err();
-    assert!(asked.what.contains("about which is not stated"), "{asked}");
+    assert!(asked.what.contains("its gyro axis is not given"), "{asked}");
 }

@@ -48,8 +48,8 @@ impl Frames {
         if let Some(first) = first {
             if thermometer.is_none() {
                 return Err(Error::input(
-                    "frames have codes of a thermometer, and what a code means is not stated",
-                    "give offset_c and gain_c_per_code of the thermometer in the setup",
+                    "frames contain thermometer codes, and the setup does not define them",
+                    "set offset_c and gain_c_per_code under [[thermometer]]",
                 )
                 .column("thermometer"));
             }

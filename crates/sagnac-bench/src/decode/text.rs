@@ -89,7 +89,7 @@ impl Text {
             .map(|(at, name)| (name.clone(), layout.content_of(at)))
             .collect();
         if layout.time.is_none() {
-            let interval = "rows without a time need the interval of a row";
+            let interval = "rows without times need a row interval";
             let help = "give sample_interval_s in the setup, or map the column of the time under [columns]";
             self.interval_ns.ok_or_else(|| Error::input(interval, help).column("sample_interval_s"))?;
             columns.insert(0, (TIME.to_owned(), Content::Nanoseconds));

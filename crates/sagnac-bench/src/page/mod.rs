@@ -106,7 +106,7 @@ impl Page {
         let failed = |e: &std::io::Error| {
             Error::input(
                 format!("cannot serve the page: {e}"),
-                "another program may use the port; --page 127.0.0.1:0 takes a free one, --page none serves none",
+                "take a free port with --page 127.0.0.1:0, or serve no page with --page none",
             )
             .column("--page")
             .value(address.to_string())
@@ -138,12 +138,8 @@ impl Page {
 /// A token that nobody can guess.
 fn token() -> Result<String> {
     let mut bytes = [0; TOKEN_BYTES];
-    getrandom::fill(&mut bytes).map_err(|e| {
-        Error::input(
-            format!("the system gives no random numbers: {e}"),
-            "leave --page out, or run on a system with /dev/urandom",
-        )
-    })?;
+    getrandom::fill(&mut bytes)
+        .map_err(|e| Error::input(format!("the system gives no random numbers: {e}"), "set --page none"))?;
     Ok(sagnac_log::ingest::hex(&bytes))
 }
 

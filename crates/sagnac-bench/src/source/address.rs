@@ -132,9 +132,12 @@ impl FromStr for Instrument {
 
     fn from_str(text: &str) -> Result<Self> {
         let bad = || {
-            Error::input("not an instrument", "an instrument is scpi://HOST:PORT or modbus://HOST:PORT?unit=1")
-                .column("bench.poll.source")
-                .value(text)
+            Error::input(
+                "not the address of an instrument",
+                "write it like scpi://HOST:PORT or modbus://HOST:PORT?unit=1",
+            )
+            .column("bench.poll.source")
+            .value(text)
         };
         if let Some(rest) = text.strip_prefix("scpi://") {
             return host_and_port(rest).map(Self::Scpi).ok_or_else(bad);

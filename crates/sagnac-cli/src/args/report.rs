@@ -76,10 +76,13 @@ fn refuse_other_endings(path: &Path) -> Result<()> {
     let page = page.display();
     if is("pdf") {
         let print = format!("chromium --headless --no-pdf-header-footer --print-to-pdf={} {page}", path.display());
-        return refused("no PDF is written here", format!("write {page} and print it, in a browser or by: {print}"));
+        return refused("the program writes no PDF", format!("write {page} and print it, in a browser or by: {print}"));
     }
     if ["svg", "png"].iter().any(|extension| is(extension)) {
-        return refused("a report has several figures", "--figures FOLDER writes each as an SVG file".to_owned());
+        return refused(
+            "a report has several figures, and this is one image file",
+            "write each figure as an SVG file with --figures FOLDER".to_owned(),
+        );
     }
     refused("a report is an HTML page", format!("give it the ending .html: {page}"))
 }

@@ -130,14 +130,13 @@ pub(crate) fn correction(path: &Path) -> Result<Correction> {
         FileKind::Calibration => {
             Correction::from_calibration(calibration(path)?).map_err(|e| e.file(path.display().to_string()))
         }
-        _ if is_pipe(path) => Err(Error::input(
-            "a correction is not read from a pipe",
-            "save it as a file; only logs are read from a pipe",
-        )
-        .file(path.display().to_string())),
+        _ if is_pipe(path) => {
+            Err(Error::input("a correction cannot be read from a pipe", "save it as a file, and give its name")
+                .file(path.display().to_string()))
+        }
         FileKind::Log => Err(Error::input(
-            "neither a calibration nor an image",
-            "the correction comes first, then the logs: sagnac verify unit.cal.json retest.csv",
+            "this file is neither a calibration nor an image",
+            "give the correction first, then the logs: sagnac verify unit.cal.json retest.csv",
         )
         .file(path.display().to_string())),
     }
@@ -147,7 +146,7 @@ pub(crate) fn correction(path: &Path) -> Result<Correction> {
 pub(crate) fn scenario_refused(path: &Path, problem: &ScenarioError) -> Error {
     let error = Error::input(
         problem.message.clone(),
-        "correct the key, docs/reference/scenario.md lists each with its unit and range",
+        "correct the key: docs/reference/scenario.md lists each with its unit and range",
     )
     .file(path.display().to_string());
     let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };

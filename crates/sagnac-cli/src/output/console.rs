@@ -43,7 +43,7 @@ pub(crate) fn internal_error() -> Error {
     let place = LAST_PANIC.lock().map(|last| last.clone()).unwrap_or_default();
     Error::input(
         format!("a defect of this program, not of your input: {place}"),
-        "please report it with the command and, if you can, the file",
+        "report it with the command and its files: https://github.com/sagnac/sagnac/issues",
     )
 }
 

@@ -141,7 +141,7 @@ fn of_unit(path: &Path, lot: Option<&str>) -> Result<UnitPrior> {
 fn tradeoff(axis: &AxisCalibration) -> Result<String> {
     let best = frontier(axis);
     if axis.candidates().len() < 2 || best.is_empty() {
-        return Err(Error::input("a trade needs several models", "leave --model at `auto`").column("--tradeoff"));
+        return Err(Error::input("a trade-off needs several models", "remove --model").column("--tradeoff"));
     }
     let floor = axis.noise_floor().map(|floor| floor.value_dph);
     let rows = best.iter().map(|point| {

@@ -44,13 +44,15 @@ impl Verb for Args {
 
     fn run(&self, console: &mut Console) -> Ran {
         self.report.check_with(Files::new().reads(&self.calibrations).reads(&self.limits))?;
-        let read = |path: &PathBuf| -> Result<(String, Calibration)> {
-            let name = path.display().to_string();
-            match loading::kind_of(path)? {
-                loading::FileKind::Calibration => Ok((name, loading::calibration(path)?)),
-                _ => Err(Error::input("no calibration", "give files that `sagnac calibrate -o` wrote").file(name)),
-            }
-        };
+        let read =
+            |path: &PathBuf| -> Result<(String, Calibration)> {
+                let name = path.display().to_string();
+                match loading::kind_of(path)? {
+                    loading::FileKind::Calibration => Ok((name, loading::calibration(path)?)),
+                    _ => Err(Error::input("no calibration is given", "give files that `sagnac calibrate -o` wrote")
+                        .file(name)),
+                }
+            };
         let records: Result<Vec<(String, Calibration)>> = self.calibrations.iter().map(read).collect();
         let limits = self.limits.as_deref().map(Limits::named_or_read).transpose()?;
         let comparison = compare(&records?, limits.as_ref())?;

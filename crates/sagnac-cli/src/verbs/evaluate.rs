@@ -103,11 +103,8 @@ const CELSIUS: RangeInclusive<f64> = -273.15..=1000.0;
 
 /// `FROM:TO:STEP` with both ends, or a list.
 fn temperatures(text: &str) -> Result<Vec<f64>> {
-    let bad = |what: &str| {
-        Error::input(what, "write FROM:TO:STEP, such as -40:70:5, or a list, such as -40,25,70")
-            .column("--at")
-            .value(text)
-    };
+    let bad =
+        |what: &str| Error::input(what, "write it like --at -40:70:5 or --at -40,25,70").column("--at").value(text);
     // A negative zero is none.
     let number =
         |part: &str| part.trim().parse::<f64>().ok().filter(|value| value.is_finite()).map(|value| value + 0.0);

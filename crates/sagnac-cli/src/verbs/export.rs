@@ -154,7 +154,7 @@ fn folders(args: &Args, exports: &[(PathBuf, Vec<TextFile>)], console: &mut Cons
     let mut places = exports.iter().flat_map(|(path, files)| files.iter().map(|file| (path.join(&file.name), file)));
     if let Some((path, _)) = places.find(|(path, file)| !file.may_replace(path)) {
         return Err(Error::input(
-            "an export would replace this file, which is not its own",
+            "the export would overwrite a file that another program wrote",
             "export into an empty folder: -o NEW-FOLDER",
         )
         .file(path.display().to_string()));
@@ -229,8 +229,8 @@ fn per_axis(args: &Args, console: &mut Console) -> Ran {
 fn data_sheets(args: &Args, console: &mut Console) -> Ran {
     if !matches!(loading::kind_of(&args.input)?, FileKind::Calibration) {
         return Err(Error::input(
-            "a data sheet needs the error budget of a calibration",
-            "give the calibration that the image was made from",
+            "a data sheet needs a calibration, and this is an image",
+            "give the calibration of this image",
         )
         .file(args.input.display().to_string()));
     }
@@ -330,8 +330,8 @@ fn calibration(path: &Path) -> Result<Calibration> {
     let calibration = loading::calibration(path)?;
     if calibration.serial == UNASSIGNED {
         return Err(Error::refused(
-            "the calibration belongs to no serial number, and an image must belong to one gyro",
-            "calibrate again with --serial",
+            "the calibration has no serial number, and an image belongs to one gyro",
+            "calibrate again with --serial IMU-0042",
         )
         .file(path.display().to_string())
         .column("serial"));

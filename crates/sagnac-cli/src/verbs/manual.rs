@@ -48,7 +48,7 @@ pub(crate) fn run(args: &Args, mut program: Command, console: &mut Console) -> R
         if args.what != ManualForm::Man {
             return Err(Error::input(
                 "only man pages are written to a folder",
-                "redirect the others: sagnac manual cli > cli.md",
+                "redirect the others: sagnac manual markdown > sagnac.md",
             )
             .column("--output"));
         }

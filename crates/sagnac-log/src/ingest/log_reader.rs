@@ -418,8 +418,8 @@ fn angle_unit(layout: &Layout, setup: &Setup) -> Result<AngleUnit> {
     }
     let arcsec_per_count = setup.arcsec_per_count.ok_or_else(|| {
         Error::input(
-            "the log holds counts, but the size of a count in arcsec is not given",
-            "give --arcsec-per-count or arcsec_per_count in the setup; it is never guessed",
+            "the log contains counts, and their size in arcsec is not given",
+            "give --arcsec-per-count, or set arcsec_per_count in the setup",
         )
         .column("arcsec_per_count")
     })?;

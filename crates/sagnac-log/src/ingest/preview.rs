@@ -152,7 +152,10 @@ fn sampled_text(mut source: Source, setup: &Setup) -> Result<Sample> {
         words * 2 > names.len() && !below.is_empty() && below.iter().all(|row| is_row(row, names.len()))
     };
     let Some(at) = (0..lines.len()).find(is_header) else {
-        return Err(Error::input("no line of headers with rows of numbers below it", "a log is a table of text"));
+        return Err(Error::input(
+            "no line of headers with rows of numbers below it",
+            "give a text table with a header line",
+        ));
     };
     let names = names_at(at);
     let below = (at + 1..lines.len()).map(split_at).collect::<Vec<_>>();

@@ -72,7 +72,7 @@ impl<T: Copy> PerAxis<T> {
             Err(Error::input(
                 what,
                 format!(
-                    "state one of each axis that is known: input_rate_dph = {{ {} }}, or axis_direction in [earth]",
+                    "give the rate of each known axis: input_rate_dph = {{ {} }}, or axis_direction in [earth]",
                     each.join(", ")
                 ),
             )
@@ -134,7 +134,8 @@ impl FromStr for PerAxis<f64> {
     fn from_str(text: &str) -> Result<Self> {
         let number = |text: &str| {
             let value = text.trim().parse::<f64>().ok().filter(|value| value.is_finite());
-            value.ok_or_else(|| Error::input(format!("{text:?} is no rate in °/h"), "one rate, or x=…,y=…,z=…"))
+            value
+                .ok_or_else(|| Error::input(format!("{text:?} is not a rate in °/h"), "write one rate, or x=…,y=…,z=…"))
         };
         if !text.contains('=') {
             return number(text).map(Self::Only);
@@ -142,8 +143,8 @@ impl FromStr for PerAxis<f64> {
         let mut values = BTreeMap::new();
         for part in text.split(',') {
             let named = part.split_once('=').and_then(|(axis, value)| Some((axis.trim().parse::<char>().ok()?, value)));
-            let (axis, value) =
-                named.ok_or_else(|| Error::input(format!("{part:?} names no axis"), "one rate, or x=…,y=…,z=…"))?;
+            let (axis, value) = named
+                .ok_or_else(|| Error::input(format!("{part:?} names no axis"), "write one rate, or x=…,y=…,z=…"))?;
             if values.insert(axis, number(value)?).is_some() {
                 return Err(Error::input("the same axis twice", "give each axis once").value(axis.to_string()));
             }

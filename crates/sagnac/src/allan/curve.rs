@@ -88,7 +88,7 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
     };
     let headers = csv.headers().map_err(|e| unread(&e))?.clone();
     let tau = headers.iter().position(|header| header == TAU);
-    let tau = tau.ok_or_else(|| Error::input("no column `tau_s`", "a curve has the columns tau_s and adev_dph"))?;
+    let tau = tau.ok_or_else(|| Error::input("no column `tau_s`", "name the columns tau_s and adev_dph"))?;
     let columns: Vec<(usize, char, f64)> = headers
         .iter()
         .enumerate()
@@ -96,7 +96,7 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
         .collect();
     for (index, (_, axis, _)) in columns.iter().enumerate() {
         if columns[..index].iter().any(|(_, other, _)| other == axis) {
-            return Err(Error::input(format!("two columns of axis {axis}"), "name them adev_dph_x, adev_dph_y …"));
+            return Err(Error::input(format!("axis {axis} has two columns"), "name them adev_dph_x, adev_dph_y …"));
         }
     }
     let mut curves: Vec<BareCurve> =
@@ -133,14 +133,15 @@ pub fn parse_curve(text: &[u8]) -> Result<Vec<BareCurve>> {
             if !DEVIATIONS_DPH.contains(&deviation_dph) {
                 let size = if deviation_dph < 1.0 { "small" } else { "large" };
                 let error =
-                    Error::input(format!("no gyro has so {size} a deviation"), "write the deviation in °/h").line(line);
+                    Error::input(format!("the deviation is too {size} for a gyro"), "write the deviation in °/h")
+                        .line(line);
                 return Err(error.column(headers.get(*index).unwrap_or_default()).value(format!("{deviation_dph:e}")));
             }
             curve.points.push((tau_s, deviation_dph));
         }
     }
     if curves.iter().all(|curve| curve.points.is_empty()) {
-        return Err(Error::input("a curve without points", "give rows of tau_s and adev_dph"));
+        return Err(Error::input("the curve has no points", "give rows of tau_s and adev_dph"));
     }
     Ok(curves)
 }

@@ -125,7 +125,7 @@ impl RampDrift {
         let runs = windows.runs.len();
         let options = FitOptions::new(Model::Auto);
         let (_, report_data) = calibrate_with_report_data(windows, setup, &options)
-            .map_err(|e| e.help("without --detrend the record is used as it is"))?;
+            .map_err(|e| e.help("remove --detrend to use the record as it is"))?;
         let mut drifts = vec![Self { middle_ns: Vec::new(), dph: vec![Vec::new(); axes.len()] }; runs];
         let index_of = |letter: char| report_data.axes.iter().find(|axis| axis.axis == letter);
         for i in 0..rows.run.len() {

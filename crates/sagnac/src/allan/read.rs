@@ -64,8 +64,8 @@ pub fn noise_budget<'a>(
     if !shape.timed && setup.sample_interval_s.is_none() {
         let file = logs.first()?.summary().file;
         return Err(Error::input(
-            "no time column, and the interval of a row is not stated",
-            "give --sample-interval or sample_interval_s in the setup, or map the time column under [columns]",
+            "the log has no time column, and the row interval is not given",
+            "give --sample-interval, set sample_interval_s in the setup, or map the time column under [columns]",
         )
         .file(file));
     }
@@ -85,7 +85,7 @@ pub fn noise_budget<'a>(
             rows += batch.len();
             if request.exact && rows > most_exact_rows {
                 let what = format!("--exact over {rows} rows takes");
-                let error = setup.memory.exceeded(&what, share, "leave out --exact, which rounds τ by at most 0.2 %");
+                let error = setup.memory.exceeded(&what, share, "remove --exact");
                 return Err(error.line(batch.line.first().copied().unwrap_or(0)).file(&name));
             }
             reading.push(batch, drift);
@@ -323,13 +323,16 @@ impl Reading {
         let screened: Vec<Screened> = self.screens.into_iter().map(Screen::finish).collect();
         let longest = screened.iter().map(|axis| axis.used.stretches.longest()).max().unwrap_or(0);
         if screened.iter().all(|axis| axis.used.rows == 0) {
-            return Err(Error::input("no row of this log can be used", "`sagnac inspect` says why"));
+            return Err(Error::input(
+                "the log has no usable row",
+                "run `sagnac inspect LOG` to list the excluded rows",
+            ));
         }
         let limit = request.taus.longest_shown(longest);
         if request.taus == Taus::All && limit > MOST_TAUS {
             return Err(Error::input(
-                format!("`all` would be {limit} τ; at most {MOST_TAUS} are shown"),
-                "leave it out for ten τ per decade, or name the τ you want",
+                format!("`all` would be {limit} τ, and the limit is {MOST_TAUS}"),
+                "remove --taus for ten τ per decade, or list the τ you want",
             )
             .column("--taus"));
         }

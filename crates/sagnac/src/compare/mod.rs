@@ -256,7 +256,7 @@ pub fn compare(records: &[(String, Calibration)], limits: Option<&Limits>) -> Re
     for (name, other) in others {
         if other.serial != first.serial {
             let what = format!("a calibration of {:?}; {first_name} is of {:?}", other.serial, first.serial);
-            return Err(Error::input(what, "compare records of one unit").file(name).column("serial"));
+            return Err(Error::input(what, "compare calibrations of one unit").file(name).column("serial"));
         }
     }
     let of_axis = |letter: char| -> Option<Vec<&AxisCalibration>> {
@@ -296,7 +296,10 @@ fn shared_logs(records: &[(String, Calibration)]) -> Vec<String> {
 }
 
 fn few() -> Error {
-    Error::input("two calibrations or more are needed", "sagnac compare january.cal.json may.cal.json")
+    Error::input(
+        "a comparison needs two or more calibrations",
+        "give two files: sagnac compare january.cal.json may.cal.json",
+    )
 }
 
 fn compare_axis(

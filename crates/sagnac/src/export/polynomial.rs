@@ -52,14 +52,15 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
         .column("--polynomial"));
     }
     let arcsec_per_count = setup.arcsec_per_count.ok_or_else(|| {
-        Error::input("the arcsec of a count are not stated", "give --arcsec-per-count").column("arcsec_per_count")
+        Error::input("the size of a count in arcsec is not given", "give --arcsec-per-count ARCSEC")
+            .column("arcsec_per_count")
     })?;
     let span = Span::on_grid(lo_c, hi_c);
     let reference_c = setup.reference_c();
     if !(lo_c..=hi_c).contains(&reference_c) {
         return Err(Error::refused(
             format!("the reference temperature {reference_c} °C lies outside the span {lo_c} … {hi_c} °C"),
-            "give --reference a temperature within the span",
+            "set --reference to a temperature in this range",
         )
         .column("reference_c"));
     }

@@ -83,8 +83,8 @@ pub fn calibrate_with_report_data(
 fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
     if shape.thermometers.is_empty() {
         return Err(Error::refused(
-            "the log has no temperature, so it holds no drift over temperature",
-            "name a column temperature_c, or map one under [columns]",
+            "the log has no temperature column",
+            "name the column temperature_c, or map it under [columns]",
         ));
     }
     let Some(wanted) = &setup.use_thermometer else {

@@ -90,8 +90,8 @@ pub(crate) fn check_with_prior(options: &FitOptions) -> Result<()> {
         FitOptions { .. } => return Ok(()),
     };
     Err(Error::input(
-        format!("{what} does not go with a prior"),
-        "a prior has its own model, and its weights are those of Gaussian noise",
+        format!("{what} cannot be combined with a prior"),
+        "remove one of the two: a prior has its own model",
     )
     .column("--prior"))
 }

@@ -110,8 +110,8 @@ pub fn results_in(folder: &Path) -> Result<Vec<UnitResult>> {
     let units = folder.join(UNITS);
     if !units.is_dir() {
         return Err(Error::input(
-            "not a folder of `sagnac fleet calibrate`",
-            format!("such a folder has a folder {UNITS}/ with a result for each unit"),
+            "this is not a folder of `sagnac fleet calibrate`",
+            format!("give the folder with {UNITS}/ in it, or make one: sagnac fleet calibrate data/ -o FLEET/"),
         )
         .file(folder.display().to_string()));
     }
@@ -119,7 +119,7 @@ pub fn results_in(folder: &Path) -> Result<Vec<UnitResult>> {
     let read = |path: PathBuf| -> Result<UnitResult> {
         let text = fs::read(&path).map_err(|e| Error::io_path(&path, "read", &e))?;
         let broken = |what: String| {
-            Error::input(what, "remove the file and calibrate the fleet again").file(path.display().to_string())
+            Error::input(what, "remove the file, and calibrate the fleet again").file(path.display().to_string())
         };
         let result: UnitResult =
             serde_json::from_slice(&text).map_err(|e| broken(format!("not the result of a unit: {e}")))?;
@@ -139,7 +139,7 @@ pub fn check_output(folder: &Path, source: &Path) -> Result<()> {
     if !is_within(folder, source) {
         return Ok(());
     }
-    Err(Error::input("the results would stand among the units", "give a folder beside that of the units")
+    Err(Error::input("the output folder is inside the folder of the units", "give a folder next to it")
         .column("--output")
         .value(folder.display().to_string()))
 }
@@ -186,7 +186,7 @@ fn locked(path: &Path) -> Result<File> {
         Ok(()) => Ok(file),
         Err(fs::TryLockError::WouldBlock) => Err(Error::input(
             "another program writes into this folder",
-            "wait until it has ended, or give another folder",
+            "wait until that program ends, or give another folder",
         )
         .file(path.display().to_string())),
         Err(fs::TryLockError::Error(e)) => Err(Error::io_path(path, "lock", &e)),

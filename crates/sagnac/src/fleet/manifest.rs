@@ -113,8 +113,8 @@ struct Folder {
 
 fn no_folder(place: &str) -> Error {
     Error::input(
-        "no folder of a unit in this folder",
-        "each unit has a folder of its own with its logs; or give a pattern, data/{unit}.csv, or a manifest",
+        "the folder contains no unit folders",
+        "put the logs of each unit in its own folder, or give a manifest or a pattern such as data/{unit}.csv",
     )
     .file(place)
 }
@@ -171,9 +171,9 @@ pub fn units_in_manifest(path: &Path, folder: &Path) -> Result<Vec<Unit>> {
     let delimiter = delimiter_of(start);
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).delimiter(delimiter).from_reader(file);
     let headers = reader.headers().map_err(broken)?.clone();
-    let known = format!("its columns: {}; `unit` and `run` are needed", COLUMNS.join(", "));
+    let known = format!("use these columns, `unit` and `run` always: {}", COLUMNS.join(", "));
     if let Some(odd) = headers.iter().find(|header| !COLUMNS.contains(header)) {
-        return Err(Error::input("a column that a manifest does not have", known).file(&name).column(odd));
+        return Err(Error::input("unknown column in the manifest", known).file(&name).column(odd));
     }
     let column = |wanted: &str| headers.iter().position(|header| header == wanted);
     if let Some(missing) = ["unit", "run"].into_iter().find(|wanted| column(wanted).is_none()) {
@@ -230,8 +230,8 @@ impl Gathered {
             && (&unit.lot, &unit.rig, &unit.setup) != (&own.lot, &own.rig, &own.setup)
         {
             return Err(Error::input(
-                "another lot, rig or setup than for a log of this unit before",
-                "a unit that was tested on two rigs is two entries with two names",
+                "the lot, rig or setup differs from an earlier line of this unit",
+                "give a unit on two rigs two names",
             )
             .column("unit")
             .value(&own.name));
@@ -252,9 +252,12 @@ impl Gathered {
 fn checked(name: &str) -> Result<()> {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || ['-', '_', '.', '='].contains(&c);
     if name.is_empty() || name.starts_with('.') || name.len() > MOST_LETTERS || !name.chars().all(is_plain) {
-        return Err(Error::input("not a name for a unit", format!(
-            "up to {MOST_LETTERS} letters, digits, - _ . and =, without a point in front: it names files and is the serial number"
-        )).column("unit").value(name));
+        return Err(Error::input(
+            "the name cannot be used for a unit",
+            format!("use up to {MOST_LETTERS} letters, digits, - _ . and =, and no point in front"),
+        )
+        .column("unit")
+        .value(name));
     }
     Ok(())
 }

@@ -65,11 +65,11 @@ pub(super) fn is_template(source: &Path) -> bool {
 /// An unknown name, a template without `{unit}`, no log that matches, two values of a name in one path.
 pub(super) fn matches(template: &Path, logs_of: impl FnOnce(&str) -> Result<Vec<PathBuf>>) -> Result<Vec<MatchedLog>> {
     let text = template.to_str().unwrap_or_default();
-    let wrong = |what: String| Error::input(what, "such as data/{lot}/unit={unit}/run={run}.parquet").file(text);
+    let wrong = |what: String| Error::input(what, "write it like data/{lot}/unit={unit}/run={run}.parquet").file(text);
     let folders: Vec<Vec<PatternPart>> =
         text.split('/').map(parts).collect::<std::result::Result<_, _>>().map_err(wrong)?;
     if !folders.iter().flatten().any(|part| *part == PatternPart::Any(Some("unit"))) {
-        return Err(wrong("a pattern of logs without {unit}".to_owned()));
+        return Err(wrong("the pattern of logs has no {unit}".to_owned()));
     }
     let as_glob = |part: &PatternPart| match part {
         PatternPart::Text(text) => text.clone(),
@@ -86,7 +86,7 @@ pub(super) fn matches(template: &Path, logs_of: impl FnOnce(&str) -> Result<Vec<
         let plain = folders.iter().filter(|folder| **folder != [PatternPart::Text(".".to_owned())]);
         for (folder, name) in plain.zip(text.split('/').filter(|name| *name != ".")) {
             take(folder, name, &mut values)
-                .map_err(|what| Error::input(what, "correct the --pattern, such as '{unit}/{use}-*.csv'").file(text))?;
+                .map_err(|what| Error::input(what, "write the pattern like data/{unit}/{use}-*.csv").file(text))?;
         }
         let mut value = |name: &str| values.remove(name).unwrap_or_default();
         let use_of_log = value("use").parse().map_err(|e: Error| e.file(text))?;

@@ -89,8 +89,8 @@ impl Recipe {
         let theirs = recipe.get("program").and_then(serde_json::Value::as_str).unwrap_or_default();
         if theirs != program() {
             return Err(Error::input(
-                format!("asked by {theirs}, and this is {}", program()),
-                "start executors of the same version",
+                format!("the scheduler runs {theirs}, and this executor runs {}", program()),
+                "run the same version on all machines",
             ));
         }
         let Sent { setup, model, source_date_epoch, prior, limits, program: _ } =

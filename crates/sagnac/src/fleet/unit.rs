@@ -103,7 +103,7 @@ fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
         Err(Error::input(
             "a defect of this program, not of the unit",
-            "calibrate the unit by itself, and report what that says with the log if you can",
+            "calibrate the unit alone, and report the message with the log",
         ))
     })
 }

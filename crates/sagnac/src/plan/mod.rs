@@ -146,8 +146,8 @@ fn check(request: &PlanRequest) -> Result<()> {
     }
     if promise::judged(&request.limits).is_empty() {
         return Err(Error::input(
-            "no limit that a calibration test decides",
-            format!("they are: {}", Error::choices(&promise::NAMES.map(str::to_owned))),
+            "the limits contain none that a calibration test decides",
+            format!("set one of these: {}", Error::choices(&promise::NAMES.map(str::to_owned))),
         ));
     }
     for (name, value) in [("probability", request.probability), ("share", request.share)] {
@@ -158,8 +158,11 @@ fn check(request: &PlanRequest) -> Result<()> {
         }
     }
     if request.noise.n_deg_rt_h.is_nan() || request.noise.n_deg_rt_h <= 0.0 {
-        return Err(Error::refused("the noise of the units is not known: the prior has no angle random walk", "its records show none where rows are long, such as 20 s; give a --setup with [noise], or log the fleet with shorter rows")
-            .column("noise"));
+        return Err(Error::refused(
+            "the noise of the units is unknown: the prior has no angle random walk",
+            "give a --setup with [noise], or log the fleet with shorter rows",
+        )
+        .column("noise"));
     }
     Ok(())
 }
@@ -181,10 +184,10 @@ fn none(request: &PlanRequest, nearest: Option<Promise>) -> Error {
     });
     Error::refused(
         format!(
-            "no test of up to {} h meets these limits with a probability of {}{reached}",
+            "every test of up to {} h misses these limits at a probability of {}{reached}",
             request.hours_max, request.probability
         ),
-        "allow more hours, a larger share of the limits, or slower ramps",
+        "allow more hours with --hours-max, a larger --share of the limits, or slower --ramps",
     )
 }
 

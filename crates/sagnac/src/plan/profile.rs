@@ -44,12 +44,12 @@ impl Chamber {
         if self.rates_cpm.is_empty() || self.rates_cpm.iter().any(|rate| !(0.01..=20.0).contains(rate)) {
             return Err(Error::input(
                 "must be within 0.01 … 20 °C/min",
-                "give the ramp rates of the chamber, such as --rates 0.5,1",
+                "give the ramp rates of the chamber, such as --ramps 0.5,1",
             )
             .column("rates_cpm"));
         }
         if !(0.0..=240.0).contains(&self.block_lag_min) {
-            return Err(Error::input("must be within 0 … 240 min", "give the lag of the block in minutes")
+            return Err(Error::input("must be within 0 … 240 min", "give the lag in minutes, such as --block-lag 20")
                 .column("block_lag_min"));
         }
         Ok(())

@@ -57,8 +57,8 @@ impl RateTableInput {
                 None if letters.len() == 1 => (letter, 1.0),
                 None => {
                     return Err(Error::input(
-                        "this run was turned, and the axis of the gyro about which is not stated",
-                        "give [[table]] with file and axis (\"z\", or \"-z\" for the other direction) in the setup",
+                        "this run was turned, and its gyro axis is not given",
+                        "add [[table]] with file and axis (\"z\", or \"-z\" for the opposite direction) to the setup",
                     )
                     .file(name)
                     .column("table"));
@@ -136,11 +136,11 @@ impl RateTableInput {
         .column("scale_factor_deviation_max_ppm");
         Err(if (slope + 1.0).abs() < 0.1 {
             error.help(format!(
-                "counts and reference have opposite signs: [[table]] axis = \"-{letter}\" turns the reference round"
+                "reverse the reference with axis = \"-{letter}\" under [[table]]: counts and reference have opposite signs"
             ))
         } else {
             error.help(format!(
-                "arcsec_per_count seems to be off by a factor of {:.5}, or the reference is not in its unit",
+                "correct arcsec_per_count, which seems wrong by a factor of {:.5}, or the unit of the reference",
                 1.0 / slope
             ))
         })

@@ -104,7 +104,7 @@ impl WindowBuilder {
         {
             return Err(Error::input(
                 format!("a window of {seconds} s is shorter than a row ({sample_interval_s} s)"),
-                "give a longer window, or `row` for one window per row",
+                "give a longer --window, or --window row for one window per row",
             )
             .column("window"));
         }
@@ -220,8 +220,7 @@ impl WindowBuilder {
         let bytes_each = GROWTH * (WINDOW_BYTES + AXIS_BYTES * self.log.axes.len() + COLUMN_BYTES * columns);
         if (self.rows.run.len() * bytes_each) as u64 > self.memory.windows() {
             let what = format!("{} windows take", self.rows.run.len());
-            let or =
-                "a log without times has a window for each row: give longer windows (--window) or fewer logs at a time";
+            let or = "give longer windows (--window) or fewer logs at a time";
             let error = self.memory.exceeded(&what, self.memory.windows(), or);
             return Err(error.line(*batch.line.first().unwrap_or(&0)));
         }
@@ -409,7 +408,7 @@ impl WindowBuilder {
                     s_from_ns(-gap_ns),
                     last.summary.file
                 ),
-                "give the files in the order of their times, or leave out --one-run",
+                "give the files in the order of their times, or remove --one-run",
             )
             .file(name)),
             RunDivision::One => Ok(true),

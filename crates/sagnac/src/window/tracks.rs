@@ -172,14 +172,14 @@ impl InputTrack {
 
 fn too_many_values(columns: usize, period_ns: i64, memory: MemoryBudget) -> Error {
     let what = format!("{columns} columns every {} s in all runs take together", s_from_ns(period_ns));
-    let or = "map columns that no model needs to \"ignore\" under [columns], give a longer temperature_period_s in the setup";
+    let or = "map unneeded columns to \"ignore\" under [columns], set a longer temperature_period_s";
     memory.exceeded(&what, memory.tracks(), or).column("temperature_period_s")
 }
 
 fn too_many_periods(period_ns: i64) -> Error {
     Error::input(
         format!("the run is longer than {MAX_TRACK} temperature periods of {} s", s_from_ns(period_ns)),
-        "cut the log into shorter files (each is a run), or give a longer temperature_period_s in the setup",
+        "cut the log into shorter files (each is a run), or set a longer temperature_period_s",
     )
     .column("temperature_period_s")
 }

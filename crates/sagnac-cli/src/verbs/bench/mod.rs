@@ -118,8 +118,8 @@ impl Verb for Args {
         if !self.finish {
             if self.output.exists() && !self.resume {
                 return Err(Error::input(
-                    "a log of this name is there already",
-                    "give another -o; --resume goes on with its recording",
+                    "a log of this name exists already",
+                    "give another -o, or continue its recording with --resume",
                 )
                 .file(self.output.display().to_string()));
             }
@@ -156,16 +156,13 @@ fn enough_of(args: &Args, setup: &Setup) -> Result<Option<EnoughRequest>> {
     let bench = &setup.bench;
     if args.stop_when == StopWhen::Met {
         if bench.limits.is_none() {
-            return Err(Error::input(
-                "--stop-when met needs the limits that the unit is to meet",
-                "give --limits, or limits under [bench]",
-            )
-            .column("--limits"));
+            return Err(Error::input("--stop-when met needs limits", "give --limits, or set limits under [bench]")
+                .column("--limits"));
         }
         if bench.span_c.is_none() {
             return Err(Error::input(
-                "--stop-when met needs the temperatures that the calibration is to cover",
-                "give span_c = [-40, 70] under [bench]",
+                "--stop-when met needs the temperature range of the calibration",
+                "set span_c = [-40, 70] under [bench]",
             )
             .column("bench.span_c"));
         }
@@ -275,7 +272,7 @@ fn page_address(args: &Args) -> Result<Option<SocketAddr>> {
         return Ok(None);
     }
     args.page_address.parse().map(Some).map_err(|_| {
-        Error::input("not an address", "an address is 127.0.0.1:8647, or `none`")
+        Error::input("not an address", "write it like --page 127.0.0.1:8647, or --page none")
             .column("--page")
             .value(&args.page_address)
     })

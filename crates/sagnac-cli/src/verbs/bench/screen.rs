@@ -52,13 +52,13 @@ impl BenchScreen {
     /// Takes the terminal over.
     pub(crate) fn begin(title: &str) -> Result<Self> {
         let terminal = ratatui::try_init()
-            .map_err(|e| Error::input(format!("cannot draw on this terminal: {e}"), "run with --plain"))?;
+            .map_err(|e| Error::input(format!("cannot draw on this terminal: {e}"), "remove --tui"))?;
         Ok(Self { terminal, title: printable(title).into_owned(), chosen: 0, asked: false })
     }
 
     /// Draws what is known, and waits for a key or a moment.
     pub(crate) fn show(&mut self, live: &Live, sources: &[SourceStatus], stop: &Stop) -> Result<()> {
-        let failed = |e: std::io::Error| Error::input(format!("cannot draw on this terminal: {e}"), "run with --plain");
+        let failed = |e: std::io::Error| Error::input(format!("cannot draw on this terminal: {e}"), "remove --tui");
         let (title, chosen, terminal) = (&self.title, self.chosen, &mut self.terminal);
         live.look(|state| {
             terminal.draw(|frame| draw(frame, &View { title, state, sources, chosen })).map(|_| ()).map_err(failed)

@@ -67,8 +67,8 @@ impl Verb for Args {
         let setup = self.setup.over(Setup::default())?;
         if setup.serial.is_some() {
             return Err(Error::input(
-                "one serial number for all units",
-                "take it out: each unit has its name, or the serial number of its own setup",
+                "one serial number is given for all units",
+                "remove it: each unit uses its name, or the serial number in its own setup",
             )
             .column("serial"));
         }

@@ -133,7 +133,10 @@ fn pour(args: &Args, tally: &mut FrameTally, out: &mut dyn Write) -> Result<()> 
     }
     tally.damaged_bytes = reader.skipped() + reader.buffered() as u64;
     if tally.outputs == 0 && tally.answers.is_empty() {
-        let error = Error::input("holds no frame of a gyro", "docs/reference/serial-line.md has the format");
+        let error = Error::input(
+            "the file contains no frame of a gyro",
+            "give the bytes as received: docs/reference/serial-line.md describes a frame",
+        );
         return Err(error.file(input.display().to_string()));
     }
     out.flush().map_err(|e| written(&e))

@@ -191,8 +191,8 @@ impl Columnar {
 fn wrong_type(schema: &Schema, name: &str) -> Error {
     let kind = schema.field_with_name(name).map_or(String::new(), |field| field.data_type().to_string());
     Error::input(
-        format!("a column of type {kind}, where numbers are needed"),
-        "write it as a number, or map it to \"ignore\" under [columns]",
+        format!("the column contains {kind}, and numbers are needed"),
+        "write it as numbers, or map it to \"ignore\" under [columns]",
     )
     .column(name)
 }

@@ -46,7 +46,7 @@ fn messages_at(file: &mut File, form: ArrowForm) -> Result<u64> {
 }
 
 fn truncated() -> Error {
-    Error::input("a truncated or damaged Arrow file", "copy or write it again")
+    Error::damaged("Arrow file: it ends too early")
 }
 
 /// A decoder, with the columns of these places alone, if any are given: the others are not unpacked.

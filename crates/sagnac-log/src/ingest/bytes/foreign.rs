@@ -62,7 +62,10 @@ pub(crate) fn refusal(start: &[u8], file: Option<&Path>) -> Option<Error> {
     let with = if own.is_empty() { String::new() } else { format!(", with {}", own.join(" and ")) };
     let file = file.unwrap_or("log");
     let command = with_names(command, file, &format!("{file}.csv"));
-    Some(Error::input(format!("this is {name}, which is not read here"), format!("convert it{with}: {command}")))
+    Some(Error::input(
+        format!("this is {name}, and the program cannot read it"),
+        format!("convert it{with}: {command}"),
+    ))
 }
 
 /// The command with its two names.

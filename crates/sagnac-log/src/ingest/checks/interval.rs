@@ -59,7 +59,12 @@ impl TimeSteps {
         }
         let interval_s = significant(self.typical_ns as f64 / NS_PER_S, 6);
         let what = format!("the time column has a row every {interval_s} s (mean of the first {} steps)", self.number);
-        Err(Error::input(what, "give that with --sample-interval (sample_interval_s), or leave it out where the log is a file; map the time column to \"ignore\" under [columns] if it is wrong").column("sample_interval_s").value(s_from_ns(given_ns).to_string()))
+        Err(Error::input(
+            what,
+            "correct --sample-interval (sample_interval_s), or map a wrong time column to \"ignore\" under [columns]",
+        )
+        .column("sample_interval_s")
+        .value(s_from_ns(given_ns).to_string()))
     }
 }
 
@@ -97,15 +102,18 @@ pub(crate) fn nominal_interval(
 /// A table without a time column.
 fn untimed(layout: &Layout, setup: &Setup, given: Option<i64>) -> Result<i64> {
     if let Some(header) = layout.unread_time(&setup.columns, given.is_none()) {
-        return Err(Error::input("looks like a time, but its unit is not known", "map it under [columns] to time_s, time_ms, time_us, time_ns, or time for dates of ISO 8601; or to \"ignore\"")
-            .column(header));
+        return Err(Error::input(
+            "this looks like a time without a unit",
+            "map it under [columns] to time_s, time_ms, time_us, time_ns, time (ISO 8601 dates) or \"ignore\"",
+        )
+        .column(header));
     }
     match given {
         Some(given_ns) => Ok(given_ns),
         None if layout.is_count_log() => Err(Error::input(
-            "counts without a time column, and the length of a row is not given",
+            "the log has counts but no time column, and the row interval is not given",
             format!(
-                "give --sample-interval, or map the column of the time under [columns]; the log has: {}",
+                "give --sample-interval, or map the time column under [columns]. The log has: {}",
                 layout.headers.join(", ")
             ),
         )
@@ -149,21 +157,22 @@ fn no_interval(read: usize, times: &[i64], layout: &Layout, ahead: &VecDeque<Raw
         0 => ("a header, but no row below it", "a log needs rows"),
         _ if !is_unreadable(ahead) => (
             "no row has as many fields as the header",
-            "is the delimiter of the header that of the rows? A tab goes before a semicolon, that before a comma",
+            "use one delimiter for header and rows: tab, semicolon or comma",
         ),
         _ if times.is_empty() && layout.has_dates() => (
-            "unknown unit: a time column without a unit holds dates of ISO 8601, and no row begins with one",
-            "name the column time_s, time_ms, time_us, time_ns, or time_excel for days of a spreadsheet, or map it so under [columns]; a date is 2024-02-29T12:00:05.5Z",
+            "unknown unit: a time column without a unit needs ISO 8601 dates, and no row begins with one",
+            "map the column under [columns] to time_s, time_ms, time_us, time_ns or time_excel, or write dates like 2024-02-29T12:00:05.5Z",
         ),
         _ if times.is_empty() => (
-            "no time in the first rows is a number",
-            "times are numbers in the unit of the header; dates of ISO 8601 are read from a column `time`: map it so under [columns]",
+            "the times in the first rows are not numbers",
+            "write times as numbers, or map the column to `time` under [columns] for ISO 8601 dates",
         ),
-        1 => ("a single row, so the interval of a row is unknown", "give --sample-interval"),
+        1 => ("the log has a single row, so the row interval is unknown", "give --sample-interval SECONDS"),
         _ if backwards => ("rows are not in the order of their times", "sort the log by time"),
-        _ => {
-            ("time does not advance in the first rows, so the interval of a row is unknown", "look at the time column")
-        }
+        _ => (
+            "time does not advance in the first rows, so the row interval is unknown",
+            "correct the time column, or map it to \"ignore\" and give --sample-interval",
+        ),
     };
     let error = Error::input(what, help);
     if times.is_empty() && read > 0 && is_unreadable(ahead) { error.column(header) } else { error }

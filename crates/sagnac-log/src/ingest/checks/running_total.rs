@@ -54,9 +54,9 @@ impl RunningTotal {
             let ((of, way), moves) = (if rises >= falls { (rises, "rise") } else { (falls, "fall") }, rises + falls);
             if moves >= FEWEST && *of as f64 >= ONE_WAY * moves as f64 {
                 let what = format!(
-                    "the counts of axis {letter} {way} in {of} of the {moves} steps between rows that differ, as a running total does"
+                    "the counts of axis {letter} {way} in {of} of the {moves} steps between different rows, like a running total"
                 );
-                return Err(Error::input(what, "for a total set counter = \"cumulative\" (--counter cumulative), with counter_bits if it wraps; for counts of each row, which noise moves up and down, counter = \"incremental\"").column("counter"));
+                return Err(Error::input(what, "set counter = \"cumulative\" (--counter cumulative) for a total, or counter = \"incremental\" for counts of each row").column("counter"));
             }
         }
         Ok(())

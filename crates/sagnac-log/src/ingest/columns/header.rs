@@ -153,16 +153,16 @@ pub fn role_of(header: &str) -> Result<Role> {
 /// The error for a log that Sagnac has already corrected.
 pub fn already_compensated() -> Error {
     Error::refused(
-        "this log is already compensated; a second compensation would be wrong twice",
-        "use the log that `sagnac compensate` read",
+        "this log is already compensated; correcting it twice would be wrong",
+        "give the log before `sagnac compensate`",
     )
 }
 
 /// The error for a table of windows instead of a log.
 pub fn table_of_windows() -> Error {
     Error::input(
-        "a table of windows, not a log",
-        "give the logs that it was made from: sagnac calibrate LOG.csv -o unit.cal.json",
+        "this is a table of windows, not a log",
+        "give the logs of this table: sagnac calibrate run1.csv -o unit.cal.json",
     )
 }
 
@@ -202,7 +202,7 @@ fn rate_role(header: &str, rest: &str) -> Result<Role> {
 
 fn unknown_unit(header: &str, unit: &str, known: &str) -> Error {
     Error::input(
-        format!("unknown unit {unit:?}; known here: {known}"),
+        format!("unknown unit {unit:?}, known units: {known}"),
         "rename the header, or map it under [columns] in the setup",
     )
     .column(header)
@@ -254,7 +254,7 @@ impl Layout {
         }
         if let Some(missing) = columns.keys().find(|name| !layout.headers.contains(name)) {
             return Err(Error::input(
-                format!("[columns] maps {missing:?}, but the log has no such header"),
+                format!("[columns] maps {missing:?}, and the log has no such header"),
                 format!("the log has: {}", layout.headers.join(", ")),
             ));
         }
@@ -270,8 +270,8 @@ impl Layout {
                 Some(name) => match role_of(name)? {
                     Role::Ignored if name != "ignore" => {
                         return Err(Error::input(
-                            format!("[columns] maps it to {name:?}, which is no header of Sagnac"),
-                            format!("known: {RECOGNISED}, ignore"),
+                            format!("[columns] maps this column to an unknown header, {name:?}"),
+                            format!("map it to one of these: {RECOGNISED}, ignore"),
                         )
                         .column(header));
                     }
@@ -360,14 +360,14 @@ impl Layout {
         if self.temperatures.len() > MAX_THERMOMETERS || self.aux.len() > MAX_AUX {
             return Err(Error::input(
                 format!("more than {MAX_THERMOMETERS} thermometers or {MAX_AUX} auxiliary columns"),
-                "map those that are not needed to \"ignore\" under [columns]",
+                "map unneeded columns to \"ignore\" under [columns]",
             ));
         }
         if self.axes.is_empty() {
             return Err(Error::input(
                 "no column of counts or rates",
                 format!(
-                    "the log has: {}; recognised: {RECOGNISED}; map others under [columns] of a setup, which `sagnac init` begins",
+                    "run `sagnac init LOG -o bench.toml`, and map its columns under [columns]. The log has: {}. Known headers: {RECOGNISED}",
                     self.headers.join(", ")
                 ),
             ));

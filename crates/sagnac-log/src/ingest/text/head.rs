@@ -67,8 +67,8 @@ pub(crate) fn read_header(source: &mut Source, setup: &Setup) -> Result<TextHead
     fit_to_rows(&mut names, &head.lines_below(delimiter)?);
     if names.iter().all(|h| h.parse::<f64>().is_ok()) {
         return Err(Error::input(
-            "the first line holds numbers, not headers",
-            format!("put a line of headers above it; recognised: {}", header::RECOGNISED),
+            "the first line contains numbers instead of headers",
+            format!("put a header line above it. Known headers: {}", header::RECOGNISED),
         )
         .line(line.number));
     }
@@ -97,8 +97,8 @@ pub(crate) fn refuse_binary(source: &mut Source) -> Result<()> {
     let odd = |byte: &u8| byte.is_ascii_control() && !matches!(byte, b'\t' | b'\r' | b'\n');
     if start.contains(&0) || (!is_utf8 && start.iter().any(odd)) {
         return Err(Error::input(
-            "binary data in no format that Sagnac reads",
-            "logs are CSV (comma, tab or semicolon), Parquet, Arrow or ULog, also gzipped; convert this file first",
+            "the file contains binary data in an unknown format",
+            "convert it to CSV (comma, tab or semicolon), Parquet, Arrow or ULog",
         ));
     }
     Ok(())
@@ -138,7 +138,7 @@ impl Head<'_> {
         let text = trimmed(text.trim_start_matches('\u{feff}'));
         if text.contains('\r') {
             return Err(Error::input(
-                "its lines end in a carriage return alone, as on old Macs",
+                "its lines end in a carriage return alone, like those of old Macs",
                 "convert it: tr '\\r' '\\n' < old.csv > new.csv",
             )
             .line(self.lines));
@@ -157,14 +157,18 @@ impl Head<'_> {
                 if let Some(number) = no_table {
                     return Err(no_row_below(number));
                 }
-                let empty =
-                    || Error::input("no header: the file is empty", "a log begins with a line of column headers");
+                let empty = || {
+                    Error::input(
+                        "no header: the file is empty",
+                        "write a header line first, such as time_s,temperature_c,counts",
+                    )
+                };
                 return first.map(|line| (line, 0)).ok_or_else(empty);
             };
             if self.lines > MAX_LINES_ABOVE {
                 return Err(Error::input(
                     format!("no header in the first {MAX_LINES_ABOVE} lines"),
-                    "a log begins with a line of column headers; only blank lines and comments may be above it",
+                    "write a header line first: only blank lines and comments may precede it",
                 )
                 .line(self.lines));
             }
@@ -306,8 +310,8 @@ pub(crate) fn headers_of(line: &str, setup: &Setup) -> Result<Option<(Vec<String
 
 fn no_row_below(header: u64) -> Error {
     Error::input(
-        "the line below the headers is neither a row nor a line of units",
-        "a row has a number or nothing in each of its cells",
+        "the line below the headers contains neither a row nor units",
+        "write a number or nothing in each cell of a row",
     )
     .line(header + 1)
 }

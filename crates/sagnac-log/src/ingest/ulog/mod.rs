@@ -284,7 +284,7 @@ impl Table {
 fn no_gyro(known: &Known, instance: u8) -> Error {
     let topics = known.topics();
     Error::input(
-        format!("a ULog file without messages of sensor_gyro or sensor_combined, instance {instance}"),
+        format!("the ULog file has no messages of sensor_gyro or sensor_combined, instance {instance}"),
         if topics.is_empty() { "it has no topic at all".to_owned() } else { format!("it has: {topics}") },
     )
 }
@@ -293,7 +293,7 @@ fn no_gyro(known: &Known, instance: u8) -> Error {
 fn silent_gyro(known: &Known, id: u16) -> Error {
     let topic = known.subscribed.get(&id).map_or("another topic", |(topic, ..)| topic.as_str());
     Error::input(
-        format!("a ULog file whose preferred gyro has no message, while {topic} has"),
-        "give it as a file that is not compressed; a pipe is read once",
+        format!("the preferred gyro of the ULog file has no message, and {topic} has some"),
+        "give it as an uncompressed file: a pipe is read once",
     )
 }

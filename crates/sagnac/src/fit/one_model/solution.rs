@@ -103,7 +103,7 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
                 "{} windows for {parameters} coefficients of `{spec}`; a fit needs three windows for each",
                 problem.len()
             ),
-            "give more data, a shorter --window or a smaller --model",
+            "give more data, or set a shorter --window or a smaller --model",
         ));
     }
     let terms = problem.terms(spec);
@@ -220,10 +220,7 @@ fn dependent(problem: &LeastSquares<'_>, spec: &ModelSpec) -> Error {
     } else {
         format!("the terms of `{spec}` are not independent on these data")
     };
-    Error::refused(
-        what,
-        "test at more temperatures (or, for scale terms, at several input rates), or take a smaller --model",
-    )
+    Error::refused(what, "test at more temperatures (scale terms: at several input rates), or choose a smaller --model")
 }
 
 /// The lags of least misfit, one after the other until they stand.
@@ -282,7 +279,7 @@ fn not_separated(problem: &LeastSquares<'_>, spec: &ModelSpec, input: usize) -> 
     Error::refused(format!(
         "the data do not separate the two lags of {name} in `{spec}`: lags less than {LEAST_RATIO} times apart, or a slow one as long as a \
          quarter of the longest run, fit as well"
-    ), "leave the slow rate out of --model, or test with ramps and soaks of several lengths")
+    ), "remove the slow rate from --model, or test with ramps and soaks of several lengths")
     .column("--model")
 }
 

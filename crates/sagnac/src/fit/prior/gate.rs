@@ -68,8 +68,8 @@ pub(crate) fn gate(known: &Known, solved: &Solved, prior: &UnitPrior, spare_rows
     let (k, degrees) = (different.len() as f64, prior.degrees);
     if different.is_empty() {
         return Err(Error::refused(
-            "the test shows nothing in which the units of the fleet differ",
-            "test at other temperatures, or longer: the prior alone is no calibration",
+            "the test does not separate the units of the fleet",
+            "test at other temperatures, or longer",
         ));
     }
     // Hotelling (1931): T²·(ν − k + 1)/(ν·k) has the F distribution of k and ν − k + 1 degrees.
@@ -77,7 +77,7 @@ pub(crate) fn gate(known: &Known, solved: &Solved, prior: &UnitPrior, spare_rows
     let quantile = FisherSnedecor::new(k, spare).map_err(|_| {
         Error::refused(
             format!("a prior of {} axes is too small for {} directions", prior.axes, different.len()),
-            "make a prior of more units",
+            "make a prior from more units",
         )
     })?;
     let distance_max = (quantile.inverse_cdf(GATE) * degrees * k / spare).sqrt();
@@ -243,7 +243,7 @@ fn most(count: usize, size: impl Fn(usize) -> f64) -> usize {
 fn not_of_fleet(why: String) -> Error {
     Error::refused(
         format!("the unit is not of this fleet: {why}"),
-        "give it the full test and calibrate it without a prior",
+        "give it the full test, and calibrate it without a prior",
     )
     .column("--prior")
 }

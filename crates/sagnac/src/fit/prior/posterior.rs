@@ -59,8 +59,8 @@ pub(crate) struct Solved {
 
 pub(crate) fn of_other_terms() -> Error {
     Error::input(
-        "the prior's parameters are not those of its model in this program",
-        "make the prior anew with `sagnac fleet prior`",
+        "the prior's parameters do not match its model in this program",
+        "make the prior again: sagnac fleet prior FLEET/ -o fleet.prior.json",
     )
 }
 
@@ -101,7 +101,7 @@ impl Known {
         let root = scaled.cholesky().ok_or_else(|| {
             Error::input(
                 "the prior's covariance is not positive",
-                "learn the prior again from a larger fleet: sagnac fleet prior FLEET/ -o prior.json",
+                "make the prior again from a larger fleet: sagnac fleet prior FLEET/ -o fleet.prior.json",
             )
         })?;
         let common_root = DMatrix::from_diagonal(&scale) * root.unpack();

@@ -58,11 +58,11 @@ pub(crate) fn fit_with_prior(
         let least = parameters + LEAST_DEGREES;
         return Err(Error::refused(
             format!(
-                "{} windows are too few to tell how noisy the test is; {least} are needed with a prior of {} parameters",
+                "{} windows are too few for the noise of the test: a prior of {} parameters needs {least}",
                 problem.len(),
                 known.mean.len()
             ),
-            "give more data or a shorter --window",
+            "give more data, or set a shorter --window",
         ));
     }
     let dependent = || {

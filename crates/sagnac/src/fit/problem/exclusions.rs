@@ -33,11 +33,8 @@ pub(crate) fn check_moves(windows: &Windows, axis: usize) -> Result<()> {
         return Ok(());
     }
     let (letter, n) = (windows.shape.axes[axis], used.len());
-    let what = format!("axis {letter} shows the same rate in all {n} windows, which no gyro with noise does");
-    Err(Error::refused(
-        what,
-        "the counter or its column stands still, or a count is too coarse for the window; look at the column",
-    ))
+    let what = format!("the rate of axis {letter} is constant in all {n} windows: the column is stuck or too coarse");
+    Err(Error::refused(what, "correct the counts column, or set a longer --window"))
 }
 
 fn check_run(windows: &Windows, run: usize) -> Result<()> {
@@ -49,7 +46,7 @@ fn check_run(windows: &Windows, run: usize) -> Result<()> {
         let at = hours(rows.start_ns[*step]);
         return Err(Error::refused(
             format!("the rate steps at {at:.2} h of the run and stays there: one curve does not fit both sides"),
-            "find the cause; cut the log there, or keep all of it with --keep-outliers",
+            "find the cause, then cut the log there, or keep all of it with --keep-outliers",
         )
         .file(file(*step))
         .line(rows.first_line[*step]));
@@ -69,7 +66,7 @@ fn check_run(windows: &Windows, run: usize) -> Result<()> {
     Err(Error::refused(format!(
         "{part:.1} % of the run look like bumps, steps or start-up, the longest stretch from {from:.2} to {to:.2} h; at most {:.0} % may be excluded",
         100.0 * MOST
-    ), "repeat the test, cut the stretch out of the log, give discard_initial_s, or keep all of it with --keep-outliers")
+    ), "repeat the test, cut the stretch out of the log, set discard_initial_s, or use --keep-outliers")
     .file(file(first))
     .line(rows.first_line[first]))
 }
@@ -89,10 +86,10 @@ pub(crate) fn readings_do_not_hold(windows: &Windows) -> bool {
 
 /// Says why nothing is left, the commonest reason first.
 pub(crate) fn no_window(windows: &Windows) -> Error {
-    let why = most_left_out(windows).unwrap_or("it holds no usable row".to_owned());
+    let why = most_left_out(windows).unwrap_or("it contains no usable row".to_owned());
     let holds = !readings_do_not_hold(windows);
-    let help = if holds { "`sagnac inspect` lists everything excluded" } else { READINGS_HOLD };
-    Error::refused(format!("no window of the log can be used: {why}"), help)
+    let help = if holds { "run `sagnac inspect LOG` to list the excluded rows" } else { READINGS_HOLD };
+    Error::refused(format!("the log has no usable window: {why}"), help)
 }
 
 /// The most frequent reason for excluded rows, in words.
@@ -111,7 +108,7 @@ pub(crate) fn check_span(windows: &Windows, Span { lo, hi }: Span, min_span_c: f
                 hi - lo,
                 most_left_out(windows).map_or(String::new(), |why| format!("; {why}"))
             ),
-            "test over a wider range, or lower --min-span if you know what you do",
+            "test over a wider range, or lower --min-span if you know what you are doing",
         )
         .column("min_span_c"));
     }

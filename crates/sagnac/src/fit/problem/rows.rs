@@ -376,7 +376,7 @@ fn sampled(axis: &Axis<'_>, signals: &[Signal], used: &[usize]) -> Result<Vec<Sa
                 "the reference temperature {reference_c} °C lies outside the span of the data, {:.2} … {:.2} °C",
                 span.lo, span.hi
             ),
-            "give --reference a temperature within the span",
+            "set --reference to a temperature in this range",
         )
         .column("reference_c"));
     }

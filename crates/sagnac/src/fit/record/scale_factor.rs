@@ -25,7 +25,7 @@ pub(crate) fn check_scale(terms: &[CorrectionTerm], letter: char) -> Result<()> 
             "a scale-factor term of axis {letter} would be {:.0} ± {:.0} ppm: the runs' input rates do not separate it from bias",
             vague.value,
             vague.sigma.unwrap_or(f64::NAN)
-        ), "test at several input rates, or leave the scale terms out of --model"))
+        ), "test at several input rates, or remove the scale terms from --model"))
     })
 }
 

@@ -44,8 +44,11 @@ pub(crate) fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &Windo
         String::new()
     };
     let what = format!("`{spec}` reads {count} inputs ({}{once_more})", names.join(", "));
-    Err(Error::refused(format!("{what}; an image reads {most}"), "a difference is read with both of its thermometers: leave one input out, or take a thermometer for a difference")
-        .column("--model"))
+    Err(Error::refused(
+        format!("{what}; an image reads {most}"),
+        "remove one input: a difference counts as two thermometers",
+    )
+    .column("--model"))
 }
 
 /// Refuses an input whose range is too small, relative to its value, for the codes of an image.
@@ -56,7 +59,7 @@ pub(crate) fn check_codes(problem: &LeastSquares<'_>) -> Result<()> {
                 "{} moves from {} to {}: too little of its size for the codes of an image",
                 input.name, input.span.lo, input.span.hi
             ),
-            "log it less its middle value",
+            "subtract its middle value in the log",
         )
         .column("--model"))
     })
@@ -71,7 +74,7 @@ pub(crate) fn check_scale_rates(problem: &LeastSquares<'_>, spec: &ModelSpec) ->
     });
     term.filter(|_| !several_rates(problem)).map_or(Ok(()), |term| {
         let what = format!("{term} needs runs at several input rates; at one rate a scale factor is a bias");
-        Err(Error::refused(what, "take bias(...) instead, or test on a rate table").column("--model"))
+        Err(Error::refused(what, "use bias(...) instead, or test on a rate table").column("--model"))
     })
 }
 
@@ -89,7 +92,7 @@ pub(crate) fn count_steps(problem: &LeastSquares<'_>, spec: &mut ModelSpec) -> R
             let what = "does not stand at one of 2 to 16 whole numbers in nine of ten windows";
             return Err(Error::refused(
                 format!("`{}` {what}", of.input),
-                "give it a series instead, bias(...) 1, or a --window within which it stands still",
+                "use a series instead, such as bias(...) 1, or set a --window in which the value is constant",
             )
             .column("--model"));
         }
@@ -101,7 +104,7 @@ pub(crate) fn count_steps(problem: &LeastSquares<'_>, spec: &mut ModelSpec) -> R
 fn find_input(name: &str, main: Signal, shape: &WindowShape) -> Result<Signal> {
     let signal = Signal::named(name, shape).ok_or_else(|| {
         let all: Vec<String> = Signal::others(shape, usize::MAX).into_iter().map(|s| s.name(shape)).collect();
-        Error::input("the log has no such input", format!("it has: {}", Error::choices(&all))).value(name)
+        Error::input("the log has no input of this name", format!("it has: {}", Error::choices(&all))).value(name)
     })?;
     if signal == main {
         return Err(Error::input(

@@ -109,7 +109,7 @@ fn known_together<'a>(
         match candidate {
             Ok(problem) if named || enough(&problem) => return Ok(problem),
             Err(error) if named => {
-                return Err(error.column("inputs").help("the inputs that are named must be known in the same windows"));
+                return Err(error.column("inputs").help("name inputs with values in the same windows"));
             }
             _ => {
                 let known = |source: &Signal| {

@@ -47,7 +47,7 @@ pub(crate) fn affordable(problem: &LeastSquares<'_>) -> Result<Vec<ModelSpec>> {
                 problem.len(),
                 problem.runs.len()
             ),
-            "give more data or a shorter --window",
+            "give more data, or set a shorter --window",
         ));
     }
     Ok(specs)
@@ -63,8 +63,8 @@ pub(crate) fn best_of_grid(
     let mean_square = cross_validate(problem, &specs, taus_s);
     if mean_square.iter().all(Option::is_none) {
         return Err(Error::refused(
-            "no candidate can be fitted with a part of the data held out",
-            "give more data over more temperatures, or a fixed --model",
+            "every candidate fails without a part of the data",
+            "give more data over more temperatures, or set a fixed --model",
         ));
     }
     let mut fair: Vec<usize> = (0..specs.len()).filter(|i| mean_square[*i].is_some()).collect();
@@ -72,7 +72,7 @@ pub(crate) fn best_of_grid(
     let mut not_held = Vec::new();
     let mut refusal = Error::refused(
         "the data do not separate the terms of any candidate",
-        "test so that temperature and its rate move independently, or give a fixed --model",
+        "test so that temperature and its rate move independently, or set a fixed --model",
     );
     let chosen = loop {
         let best = match &grades {

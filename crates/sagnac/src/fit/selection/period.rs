@@ -92,7 +92,7 @@ fn search(
                 words(before),
                 words(after)
             ),
-            "state the period, leave the harmonic out of --model, or test so that the input passes several periods",
+            "give the period, remove the harmonic from --model, or test over several periods of the input",
         )
         .column("--model")),
     }

@@ -109,7 +109,7 @@ impl Selected<'_> {
                 near.condition,
                 term.form.name((term.input > 0).then_some(input))
             ),
-            "take fewer terms, or test so that the inputs move apart",
+            "use fewer terms, or test so that the inputs move independently",
         ))
     }
 
@@ -166,7 +166,7 @@ impl Selected<'_> {
                 self.spec,
                 INCREASE_MAX * 100.0
             ),
-            "take a quieter thermometer or average its samples; or leave the rate terms out of --model",
+            "use a quieter thermometer, average its samples, or remove the rate terms from --model",
         )
     }
 

@@ -85,10 +85,10 @@ pub(super) fn refuse(members: &[Member<'_>]) -> Result<()> {
         None => Ok(()),
         Some(pairs) => Err(Error::refused(
             format!(
-                "the axes fall into groups: {} pairs are alike, {} far apart and only {} between",
+                "the axes form groups: {} pairs are alike, {} far apart and only {} between",
                 pairs.near, pairs.far, pairs.between
             ),
-            "give each gyro one name, and units of one batch their lot: many tests of few gyros do not say how the next one is",
+            "give each gyro one name, and each batch its lot: many tests of few gyros do not predict the next one",
         )),
     }
 }

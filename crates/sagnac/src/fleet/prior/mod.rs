@@ -283,7 +283,7 @@ impl Prior {
     /// Priors of two models.
     pub fn merged(mut self, other: Self) -> Result<Self> {
         if (&self.model, &self.terms, &self.units) != (&other.model, &other.terms, &other.units) {
-            let what = format!("a prior for `{}` and one for `{}` cannot be one", self.model, other.model);
+            let what = format!("a prior for `{}` and one for `{}` cannot be merged", self.model, other.model);
             return Err(Error::input(what, "calibrate both fleets with the same --model"));
         }
         let span_c = [self.span_c[0].max(other.span_c[0]), self.span_c[1].min(other.span_c[1])];
@@ -296,7 +296,7 @@ impl Prior {
         let twice = self.logs.intersection(&other.logs).count();
         if twice > 0 {
             let what = format!("{} of {} logs are in both", twice, other.logs.len());
-            return Err(Error::input(what, "give each unit once: one that counts twice makes the others look alike"));
+            return Err(Error::input(what, "give each unit once"));
         }
         let mut sums = std::mem::take(&mut self.sums);
         let mut logs = std::mem::take(&mut self.logs);

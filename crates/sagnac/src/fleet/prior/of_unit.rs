@@ -130,7 +130,7 @@ impl Prior {
             most.sqrt(),
             100.0 * LIKE_OTHERS
         );
-        Err(Error::refused(what, "make a prior of this lot's units alone").column("--lot").value(&lot.lot))
+        Err(Error::refused(what, "make a prior from this lot's units alone").column("--lot").value(&lot.lot))
     }
 
     /// Units of a lot that is not one of the fleet's.
@@ -168,7 +168,7 @@ impl Prior {
     fn too_few_lots(&self) -> Error {
         Error::refused(
             format!(
-                "the lot of the unit is not given, and {} do not say how far another may be: {LEAST_LOTS} are needed",
+                "the lot of the unit is not given, and {} are too few without it: {LEAST_LOTS} are needed",
                 counted(self.lots.len(), "lot", "lots")
             ),
             self.known_lots(),
@@ -179,8 +179,11 @@ impl Prior {
     fn known_lots(&self) -> String {
         let is_known = |lot: &&LotMean| lot.axes >= LEAST_OF_LOT as u64;
         let known: Vec<String> = self.lots.iter().filter(is_known).map(|lot| lot.lot.clone()).collect();
-        let named =
-            if known.is_empty() { String::new() } else { format!("name its lot of {}; ", Error::choices(&known)) };
+        let named = if known.is_empty() {
+            String::new()
+        } else {
+            format!("give its lot with --lot ({}), or ", Error::choices(&known))
+        };
         format!("{named}give the first units of a new lot the full test")
     }
 }

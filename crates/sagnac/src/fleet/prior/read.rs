@@ -58,7 +58,7 @@ impl Prior {
         let mut content = prior.clone();
         let stated = std::mem::take(&mut content.content_sha256);
         if hash_of(&content).ok().as_deref() != Some(stated.as_str()) {
-            return Err(Error::input("the file was changed after it was made: its content has another hash", AGAIN)
+            return Err(Error::input("the file was edited: its hash does not match its content", AGAIN)
                 .column("content_sha256"));
         }
         let p = prior.terms.len();

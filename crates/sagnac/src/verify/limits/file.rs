@@ -27,7 +27,7 @@ impl Limits {
         let name = path.display().to_string();
         let sets = Error::choices(&SETS.map(|(set, _)| set.to_owned()));
         let text = read_text(path, "read the limits", 1 << 20)
-            .map_err(|e| e.help(format!("a TOML file, or a set: {sets}")))?;
+            .map_err(|e| e.help(format!("give a TOML file, or one of the sets: {sets}")))?;
         Self::of_text(&name, &text)
     }
 
@@ -70,11 +70,17 @@ impl Limits {
             flight.check()?;
         }
         if self.position_error_m_max.is_some() && self.flight.is_none() {
-            return Err(Error::input("a limit of the position error needs a [flight]", "[flight] with axis = \"level\" and profile = [{ minutes = 0, temperature_c = 20 }, …]; docs/reference/limits.md")
-                .column("position_error_m_max"));
+            return Err(Error::input(
+                "a limit on the position error needs a [flight]",
+                "add [flight] with axis = \"level\" and profile = [{ minutes = 0, temperature_c = 20 }, …]",
+            )
+            .column("position_error_m_max"));
         }
         if self.given().is_empty() && self.flight.is_none() {
-            return Err(Error::input("no limit in the limits file", "docs/reference/limits.md lists the keys"));
+            return Err(Error::input(
+                "the limits file contains no limit",
+                "correct the key: docs/reference/limits.md lists all of them",
+            ));
         }
         Ok(())
     }
@@ -95,7 +101,9 @@ impl Limits {
         let Some(name) = self.base.clone() else { return Ok(self) };
         let Some((_, text)) = SETS.iter().find(|(set, _)| *set == name) else {
             let sets = Error::choices(&SETS.map(|(set, _)| set.to_owned()));
-            return Err(Error::input("no set of this name", format!("there is: {sets}")).column("base").value(name));
+            return Err(Error::input("there is no set of this name", format!("choose one of: {sets}"))
+                .column("base")
+                .value(name));
         };
         let table = |limits: &Self| {
             toml::Table::try_from(limits).map_err(|e| Error::defect(format!("the limits cannot be joined: {e}")))

@@ -67,9 +67,9 @@ impl Proof {
         };
         let [window_s, record_s] = [window_s, record_s].map(|seconds| significant(seconds, 4));
         let what = format!(
-            "the retest is in windows of {window_s} s, the calibration in windows of {record_s} s: limits are not held against another window"
+            "the retest has windows of {window_s} s, the calibration has {record_s} s: limits need the same windows"
         );
-        Err(Error::refused(what, "leave --window out, or calibrate with the same one").column("window"))
+        Err(Error::refused(what, "remove --window, or calibrate with the same one").column("window"))
     }
 }
 
@@ -123,9 +123,15 @@ impl AxisVerification {
             let mut reasons: Vec<&str> = verdicts.iter().filter_map(|verdict| verdict.why.as_deref()).collect();
             reasons.sort_unstable();
             reasons.dedup();
-            let what =
-                format!("none of the limits can be asked of axis {} of this retest: {}", axis.axis, reasons.join("; "));
-            return Err(Error::refused(what, "docs/reference/limits.md says which limits ask for which test"));
+            let what = format!(
+                "axis {} of this retest can be checked against none of the limits: {}",
+                axis.axis,
+                reasons.join("; ")
+            );
+            return Err(Error::refused(
+                what,
+                "choose limits for this test: docs/reference/limits.md lists the test of each",
+            ));
         }
         let pass = limits.asks().then(|| all_met(&verdicts));
         Ok(Self { limits: verdicts, pass, ..axis })

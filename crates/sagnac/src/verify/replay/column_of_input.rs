@@ -83,7 +83,7 @@ fn recorded(axis: &AxisCalibration, shape: &LogShape) -> Result<Vec<LogColumn>> 
             let all: Vec<String> =
                 shape.thermometers.iter().map(|t| label(t).to_owned()).chain(shape.aux.clone()).collect();
             Error::input(
-                format!("the log has no {what} {name:?}, which the correction uses"),
+                format!("the correction needs the {what} {name:?}, and the log has none of this name"),
                 format!("it has: {}", Error::choices(&all)),
             )
         }))
@@ -111,11 +111,8 @@ fn named(wanted: usize, shape: &LogShape, setup: &Setup) -> Result<Vec<LogColumn
     }
     if names.len() != wanted {
         return Err(Error::input(
-            format!(
-                "the image reads {wanted} inputs besides the thermometer and does not name them; {} are named",
-                names.len()
-            ),
-            "name them in the image's order with --inputs, or give the calibration instead",
+            format!("the image reads {wanted} unnamed inputs next to the thermometer, and {} are named", names.len()),
+            "name them in the image's order with --inputs, or give the calibration",
         )
         .column("inputs"));
     }
@@ -124,7 +121,7 @@ fn named(wanted: usize, shape: &LogShape, setup: &Setup) -> Result<Vec<LogColumn
         let column = thermometer.map(LogColumn::Thermometer).or_else(|| place(&shape.aux, name).map(LogColumn::Aux));
         column.ok_or_else(|| {
             Error::input(
-                "the log has no such input",
+                "the log has no input of this name",
                 format!("add the column to the log, or map it under [columns] to aux_{name}"),
             )
             .column("inputs")

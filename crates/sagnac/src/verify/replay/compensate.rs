@@ -122,7 +122,7 @@ pub fn compensate(
     done.log = log.summary();
     if let (0, Some(most)) = (done.rows, done.log.tallies.most()) {
         let what = format!("no row could be corrected: {} are excluded as {}", most.rows, most.reason.name());
-        return Err(Error::refused(what, "`sagnac inspect` lists everything excluded").file(most.first));
+        return Err(Error::refused(what, "run `sagnac inspect LOG` to list the excluded rows").file(most.first));
     }
     Ok(done)
 }

@@ -74,8 +74,8 @@ impl Correction {
     pub fn fit_to(&self, shape: &LogShape, setup: &Setup) -> Result<(Vec<Image>, InputColumns)> {
         if let Some(wanted) = setup.serial.as_deref().filter(|serial| *serial != self.serial()) {
             return Err(Error::input(
-                format!("the correction belongs to {:?}, not to {wanted:?}", self.serial()),
-                "a correction fits one gyro only",
+                format!("the correction is for {:?}, and the setup asks for {wanted:?}", self.serial()),
+                "give the correction of this gyro, or correct --serial",
             )
             .column("serial"));
         }
@@ -84,7 +84,7 @@ impl Correction {
             image.copied().ok_or_else(|| {
                 Error::input(
                     format!("the correction has no axis {axis}"),
-                    "give the axis of a single-axis log with --axis, or map other columns to \"ignore\"",
+                    "give the axis of a single-axis log with --axis, or map other columns to \"ignore\" under [columns]",
                 )
             })
         };
@@ -99,7 +99,7 @@ impl Correction {
         let sensor = match setup.use_thermometer.clone().or(own) {
             Some(name) => Some(shape.thermometers.iter().position(|other| *other == name).ok_or_else(|| {
                 Error::input(
-                    format!("the log has no thermometer {name:?}, which the correction uses"),
+                    format!("the correction needs the thermometer {name:?}, and the log has none of this name"),
                     format!("it has: {}", Error::choices(&shape.thermometers)),
                 )
             })?),
@@ -109,7 +109,7 @@ impl Correction {
                 let names = shape.thermometers.join(", ");
                 let what =
                     format!("the log has several thermometers ({names}), and the image does not say which it uses");
-                return Err(Error::input(what, "name it with --thermometer"));
+                return Err(Error::input(what, "give its name with --thermometer"));
             }
         };
         let images = images?;

@@ -169,16 +169,16 @@ impl Replay {
         let gap = start - self.ticks_done;
         if end - self.ticks_done > MAX_UPDATES.saturating_mul(self.period_ticks) {
             return Err(Error::input(
-                format!("a row or gap of more than {MAX_UPDATES} temperature periods"),
-                "cut the log there; each file is a run of its own",
+                format!("a row or gap is longer than {MAX_UPDATES} temperature periods"),
+                "cut the log there: each file is a separate run",
             )
             .file(&self.file)
             .line(batch.line[row]));
         }
         if end - start > MAX_ROW_UPDATES.saturating_mul(self.period_ticks) {
             return Err(Error::input(
-                format!("a row of more than {MAX_ROW_UPDATES} temperature periods of the image"),
-                "give an image whose temperature period fits the rows of the log",
+                format!("a row is longer than {MAX_ROW_UPDATES} temperature periods of the image"),
+                "give an image with a longer temperature period, or a log with shorter rows",
             )
             .file(&self.file)
             .line(batch.line[row]));
@@ -227,7 +227,7 @@ impl Replay {
         }
         Err(Error::input(
             format!(
-                "more than {MAX_ALL_UPDATES} slow updates up to here, at a temperature period of {} s",
+                "the log needs more than {MAX_ALL_UPDATES} slow updates at a temperature period of {} s",
                 s_from_ns(self.period_ticks.saturating_mul(self.tick_ns))
             ),
             "give an image with a longer temperature period, or cut the log",
@@ -242,8 +242,8 @@ impl Replay {
 
 fn misused(error: Misuse, file: &str, line: u64) -> Error {
     Error::input(
-        format!("cannot be replayed: {error}"),
-        "for a rate log, a coarser rate_lsb_arcsec in the setup makes the counts smaller",
+        format!("the log cannot be replayed: {error}"),
+        "set a coarser rate_lsb_arcsec in the setup of a rate log",
     )
     .file(file)
     .line(line)

@@ -136,8 +136,8 @@ impl<'a> PreparedWindows<'a> {
 
 fn too_few(used: &[usize]) -> Error {
     Error::refused(
-        format!("{} usable windows; before and after need at least two per run", used.len()),
-        "give a longer retest or a shorter --window",
+        format!("the retest has {} usable windows, and needs two per run", used.len()),
+        "give a longer retest, or set a shorter --window",
     )
 }
 

@@ -252,7 +252,7 @@ impl RowValidator {
         match (row.time_ns(), self.clock_ns) {
             (Some(now), Some(before)) if !broken && now.saturating_sub(before) > LEAP_NS => Err(Error::input(
                 format!("time leaps by {:.0} days", s_from_ns(now.saturating_sub(before)) / 86_400.0),
-                "cut the log there and give both parts; each file is a run of its own",
+                "cut the log there, and give both parts: each file is a separate run",
             )
             .file(&self.file)
             .line(row.line())),
@@ -315,7 +315,7 @@ impl RowValidator {
             Some(axis) if !row.is_flagged() => {
                 return Err(Error::input(
                     format!("not a whole number of quanta (quantum {quantum} counts)"),
-                    "give the smallest step of the counts column with --quantum or in the setup",
+                    "give the smallest step of the counts with --quantum or in the setup",
                 )
                 .file(&self.file)
                 .line(row.line())
@@ -334,8 +334,8 @@ impl RowValidator {
             // A flagged total is not a base for the next difference.
             Counter::Cumulative if row.is_flagged() => Ok(None),
             Counter::Cumulative if exact.iter().any(|q| self.beyond_width(*q)) => Err(Error::input(
-                format!("a total beyond {} bits", self.counter_bits.unwrap_or(0)),
-                "give the counter's true width",
+                format!("the total exceeds {} bits", self.counter_bits.unwrap_or(0)),
+                "set counter_bits to the counter's true width",
             )
             .file(&self.file)
             .line(row.line())
@@ -404,8 +404,10 @@ impl RowValidator {
                 }
                 CounterStep::Wrap(bits, step) => {
                     return Err(Error::input(
-                        format!("the cumulative counter steps by {step} quanta, as one of {bits} bits that wraps does"),
-                        "give its width with --counter-bits or counter_bits in the setup",
+                        format!(
+                            "the cumulative counter steps by {step} quanta, like a wrapping counter of {bits} bits"
+                        ),
+                        "give its width with --counter-bits, or counter_bits in the setup",
                     )
                     .file(&self.file)
                     .line(row.line()));
