@@ -1,4 +1,4 @@
-"""The package beside its peers, in pairs in one process: `cargo xtask bench python`. Prints a section of docs/explanation/performance.md."""
+"""The package next to its peers, in pairs in one process: `cargo xtask bench python`. Prints a section of docs/explanation/performance.md."""
 
 from __future__ import annotations
 
@@ -90,7 +90,7 @@ def added_mib(table: str) -> float:
 
 
 def import_ms() -> float:
-    """An import, beside a start of Python without it."""
+    """An import, next to a start of Python without it."""
 
     def start(code: str) -> float:
         return seconds(lambda: subprocess.run([sys.executable, "-c", code], check=True))

@@ -460,7 +460,7 @@ static void flash_that_fails(void)
     }
     EXPECT((results & (1U << SAGNAC_STORE_FLASH)) != 0U && (results & (1U << SAGNAC_STORE_READ_BACK)) != 0U);
     EXPECT((results & (1U << SAGNAC_STORE_NO_OLDER_IMAGE)) != 0U);
-    /* A bank copied over the other is a survivor; so is one beside damage. */
+    /* A bank copied over the other is a survivor; so is one next to damage. */
     memcpy(memory, two_stored, sizeof memory);
     memcpy(memory + BANK, memory, BANK);
     EXPECT(active() == 1U && loaded.origin == SAGNAC_ONLY_SURVIVOR);

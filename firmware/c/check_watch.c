@@ -3,7 +3,7 @@
  *
  *   check_watch FILE
  *
- *   0 to 2   shows, still, command_shows; a record of a new spec begins anew      3        present
+ *   0 to 2   shows, still, command_shows; a record of a new spec begins again      3        present
  *   4 to 7   values                                                                8, 9     has_command, command
  *   10       named                                                                 11       1 for a new spec
  *   12       agree      13 present      14 to 21 codes      22   has_code | outvoted << 8 | voters << 16      23   code

@@ -170,7 +170,7 @@ impl Told {
     }
 }
 
-/// Where people read: standard error beside JSON. A reader that has gone is no failure.
+/// Where people read: standard error next to JSON. A reader that has gone is no failure.
 fn say(is_json: bool, text: &str) {
     let _ = if is_json { writeln!(std::io::stderr(), "{text}") } else { writeln!(std::io::stdout(), "{text}") };
 }

@@ -46,7 +46,7 @@ pub(crate) struct Cluster<'a> {
     pub(crate) per_task: usize,
 }
 
-/// The session of all sides: a task a unit, and no plan made anew on the way.
+/// The session of all sides: a task a unit, and no plan made again on the way.
 pub(crate) fn session_config() -> SessionConfig {
     SessionConfig::new_with_ballista()
         .with_batch_size(1)

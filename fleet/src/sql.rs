@@ -19,7 +19,7 @@ pub(crate) struct Args {
     fleet: PathBuf,
     /// The question
     query: String,
-    /// Comma-separated values in place of a table
+    /// Comma-separated values instead of a table
     #[arg(long)]
     csv: bool,
 }

@@ -165,7 +165,7 @@ impl Stores {
     }
 }
 
-/// The keys below a prefix. A listing is begun anew where its store falters.
+/// The keys below a prefix. A listing is begun again where its store falters.
 async fn listed(store: &dyn ObjectStore, prefix: &Key, source: &str, patience: Patience) -> Result<Vec<Key>> {
     let once = async || -> std::result::Result<Vec<Key>, Failure> {
         let mut objects = store.list(Some(prefix));

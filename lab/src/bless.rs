@@ -55,7 +55,7 @@ pub(crate) fn bless(args: &[&str]) -> Result<()> {
     let program = Program::beside_the_lab()?;
     if check {
         let stale = stale(&names, &program)?;
-        ensure!(stale.is_empty(), "out of date; `cargo xtask bless` makes them anew:\n{}", stale.join("\n"));
+        ensure!(stale.is_empty(), "out of date; `cargo xtask bless` makes them again:\n{}", stale.join("\n"));
         println!("bless: every generated file is up to date");
         return Ok(());
     }

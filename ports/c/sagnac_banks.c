@@ -265,7 +265,7 @@ static uint32_t bank_active(const sagnac_bank found[2])
     return active;
 }
 
-/* What the bank beside the active one says of it. */
+/* What the bank next to the active one says of it. */
 static sagnac_origin bank_origin(const sagnac_bank *active, const sagnac_bank *other)
 {
     sagnac_origin origin = SAGNAC_ONLY_SURVIVOR;

@@ -117,7 +117,7 @@ uint32_t sagnac_board_is_intact(const sagnac_board *board);
 void sagnac_board_mend(sagnac_board *board, const sagnac_loaded *loaded);
 
 /* Ticks that passed without a call, before the one that has all their counts. Their correction is output, with SAGNAC_MISSED_TICKS; slow
- * updates among them have no sample; loops and stripping stand still. After more than SAGNAC_LONGEST_PAUSE_TICKS the correction begins anew. */
+ * updates among them have no sample; loops and stripping stand still. After more than SAGNAC_LONGEST_PAUSE_TICKS the correction begins again. */
 void sagnac_board_make_up(sagnac_board *board, uint32_t missed_ticks);
 
 /* One tick. `lost_steps` is the counter's total of steps of unknown direction, 0 for hardware that has none. SAGNAC_YES with a frame to

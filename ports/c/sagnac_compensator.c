@@ -194,7 +194,7 @@ static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory
     return accepted;
 }
 
-/* The lag begins anew with a step that has stayed, or after a hold of more than an eighth of tau: 1/(8 alpha) updates. */
+/* The lag begins again with a step that has stayed, or after a hold of more than an eighth of tau: 1/(8 alpha) updates. */
 /* SAG-CORE-004 */
 static void begin_anew(const sagnac_input *spec, sagnac_input_state *memory, uint32_t accepted, int32_t t_q24)
 {

@@ -259,7 +259,7 @@ sagnac_misuse sagnac_compensator_update(const sagnac_image *image, sagnac_compen
                                         const int32_t *codes, uint32_t present);
 
 /* The same in slices, for an image whose slow update does not fit between two ticks. Begin some ticks before it is due, with the codes of
- * then; make a slice or more in each tick; apply it when ticks_to_update is 0, in place of sagnac_compensator_update. The bits are those
+ * then; make a slice or more in each tick; apply it when ticks_to_update is 0, instead of sagnac_compensator_update. The bits are those
  * of an update with the same codes. A slice is one input with its series, or one term: at most input_count + term_count of them. */
 void sagnac_compensator_begin_update(const sagnac_image *image, const sagnac_compensator_state *state,
                                      const int32_t *codes, uint32_t present, sagnac_slow_update *update);

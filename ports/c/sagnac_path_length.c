@@ -103,7 +103,7 @@ static uint32_t path_shows_peak(const sagnac_path_length_state *state, uint32_t 
     return (state->seen_second >= least) ? SAGNAC_YES : SAGNAC_NO;
 }
 
-/* No peak was found here: reported, and begun anew. */
+/* No peak was found here: reported, and begun again. */
 static void path_without_peak(const sagnac_path_length *loop, sagnac_path_length_state *state)
 {
     state->status |= SAGNAC_PATH_NO_PEAK;

@@ -26,7 +26,7 @@ static void begin_at(sagnac_watched *place, int32_t value)
     place->command_high = 0;
 }
 
-/* The place since it last moved: its extent, or begun anew. */
+/* The place since it last moved: its extent, or begun again. */
 static void follow(const sagnac_watch_spec *spec, sagnac_watched *place, int32_t value)
 {
     if (place->seen == 0U) {

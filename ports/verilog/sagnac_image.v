@@ -8,7 +8,7 @@
 //     1 not an image   2 version   3 length   4 CRC   5 a field's value   6 more than this hardware was built with   7 another unit
 //
 // Checked are magic, version, length, CRC-32, every count, index, source, kind, multiplier, shape, order and shift, the reserved
-// bytes, the head's ranges, and serial, axis and tick beside the unit's own. Not checked are the sizes of gains, spans and
+// bytes, the head's ranges, and serial, axis and tick next to the unit's own. Not checked are the sizes of gains, spans and
 // mantissas, which need products: whoever makes an image or sends one checks these (sagnac_identity, sagnac_compensator_load).
 //
 // A check takes 33 clocks a word and 2 more for its fields: 7,000 clocks for the longest image. `restart` is high for the last 35 of

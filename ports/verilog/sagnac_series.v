@@ -12,7 +12,7 @@
 // docs/explanation/fpga.md has the number of clocks. `restart` resets the inputs, for a new image.
 //
 // A value farther than the largest step from the last one is held back until three of them in a row lie that near to each other. With
-// it, and after a hold of more than an eighth of tau, the lag begins anew, and the input settles again.
+// it, and after a hold of more than an eighth of tau, the lag begins again, and the input settles again.
 //
 // Every product is below 2^89 in size, shifted right with one rounding, halves upward.
 // A `start` before `taken` is ignored.
@@ -109,7 +109,7 @@ module sagnac_series #(
     reg [3:0] order;
     reg signed [34:0] here, previous;
     reg signed [34:0] basis [0:63];
-    // Read separately, so that the basis can be in block memory; zones, steps and harmonics beside it.
+    // Read separately, so that the basis can be in block memory; zones, steps and harmonics next to it.
     reg signed [34:0] basis_read, piece;
     reg [5:0] term;
     reg signed [55:0] bias;

@@ -31,7 +31,7 @@ module sagnac_watch (
     output reg         [3:0]  named
 );
     localparam [2:0] IDLE = 3'd0, SAMPLE = 3'd1, LOW = 3'd2, HIGH = 3'd3, JUDGE = 3'd4, KEEP_LOW = 3'd5, KEEP_HIGH = 3'd6, FINISH = 3'd7;
-    // What a thermometer is held against, in this order: itself, the three others, the command.
+    // What a thermometer is compared with, in this order: itself, the three others, the command.
     localparam [2:0] ITSELF = 3'd0, COMMAND = 3'd4;
     // Signed numbers as unsigned ones in the same order.
     localparam [31:0] MIDDLE = 32'h80000000;
@@ -41,7 +41,7 @@ module sagnac_watch (
     wire is_itself = against == ITSELF;
     wire is_command = against == COMMAND;
 
-    // The values in a ring, the one that the thermometer is held against in front, and their samples' bits with them.
+    // The values in a ring, the one that the thermometer is compared with in front, and their samples' bits with them.
     reg [127:0] ring;
     reg [3:0] there;
     reg has_command_now;
@@ -52,7 +52,7 @@ module sagnac_watch (
     wire [31:0] distance = difference[32] ? -difference[31:0] : difference[31:0];
 
     // Since a thermometer last moved: its lowest and highest value, the least distance of each other one, the lowest and highest command.
-    // Eight words for each; what is known of them is in a ring too, a bit for each that it is held against.
+    // Eight words for each; what is known of them is in a ring too, a bit for each that it is compared with.
     reg [31:0] words [0:31];
     reg [19:0] known;
     reg [31:0] word, sample, low, high;
@@ -75,7 +75,7 @@ module sagnac_watch (
 
     assign busy = state != IDLE;
 
-    // The next one to be held against, or the next thermometer; one without a sample is passed over.
+    // The next one to compare with, or the next thermometer; one without a sample is passed over.
     task go_on;
         begin
             ring <= {ring[31:0], ring[127:32]};

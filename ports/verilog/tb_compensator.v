@@ -3,7 +3,7 @@
 //     +vectors=FILE   [+records=N]     prints PASSED and what was run, or FAILED and the first record that differs
 //
 // The image comes from the vectors and is loaded as a processor loads it. A file may hold several vector files, one behind the other:
-// each image but the first replaces one in force. Module 6 is an image alone, with the fault that the loader must find in place of the
+// each image but the first replaces one in force. Module 6 is an image alone, with the fault that the loader must find instead of the
 // number of records, 0 for none. An advance of n ticks is run as n single ticks, the counts in the first.
 //
 // With AXI defined the bus is AXI4-Lite, with pauses of random length on each of its channels. With PRESET defined the image is the one

@@ -37,7 +37,7 @@ pub(crate) struct Calibration {
     behind: Option<Arc<(Windows, ReportData)>>,
 }
 
-/// What `calibrate` is asked for, beside its runs and its setup.
+/// What `calibrate` is asked for, next to its runs and its setup.
 #[derive(FromPyObject)]
 pub(crate) struct Asked {
     #[pyo3(item)]
@@ -97,7 +97,7 @@ pub(crate) fn parse_calibration(text: &str, name: &str) -> PyResult<Calibration>
     Ok(Calibration { record: Arc::new(record), behind: None })
 }
 
-/// Records of one unit beside each other.
+/// Records of one unit next to each other.
 #[pyfunction]
 pub(crate) fn compare(records: Vec<(String, PyRef<'_, Calibration>)>, limits: Option<String>) -> PyResult<Comparison> {
     let records: Vec<_> = records.into_iter().map(|(name, record)| (name, record.record.as_ref().clone())).collect();

@@ -1,4 +1,4 @@
-//! Setup and limits as the package gives them: a file, and keys beside it.
+//! Setup and limits as the package gives them: a file, and keys next to it.
 
 use sagnac::{Error, Limits, Result, Setup};
 

@@ -118,7 +118,7 @@ impl Source {
     }
 }
 
-/// A stream that ends when it is told to.
+/// A stream that ends on request.
 struct Stoppable {
     stream: ArrowArrayStreamReader,
     stop: Stop,

@@ -1,4 +1,4 @@
-//! What a retest came to, and records beside each other.
+//! What a retest came to, and records next to each other.
 
 use std::sync::Arc;
 

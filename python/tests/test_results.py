@@ -1,4 +1,4 @@
-"""Results: attributes, tables, plots, the gyro's processor, noise beside allantools."""
+"""Results: attributes, tables, plots, the gyro's processor, noise next to allantools."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ pub const CORPUS: &[Tool] = &[("/usr/bin/time", "time")];
 pub const FPGA: &[Tool] =
     &[("iverilog", "iverilog"), ("verilator", "verilator"), ("yosys", "yosys"), ("g++", "g++"), ("make", "make")];
 
-/// For `cargo xtask fpga place`, beside those: place and route comes from PyPI.
+/// For `cargo xtask fpga place`, next to those: place and route comes from PyPI.
 pub const PLACE: &[Tool] = &[("python3", "python3-venv")];
 
 /// For `cargo xtask firmware`.

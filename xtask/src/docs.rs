@@ -16,7 +16,7 @@ pub(crate) fn docs(strict: bool) -> Result<()> {
     sh("cargo", &["build", "--quiet", "--locked", "--package", "sagnac-site"])?;
     book(strict)?;
     let site = root().join("target/site");
-    // mdBook copies every file beside the pages.
+    // mdBook copies every file next to the pages.
     fs::remove_file(site.join("book.toml")).context("mdBook's output is not in target/site")?;
     copy(&root().join("target/doc"), &site.join("api"))?;
     let check = ["run", "--quiet", "--locked", "--package", "sagnac-site", "--", "check", "docs", "target/site"];

@@ -1,7 +1,7 @@
 //! `cargo xtask fuzz`: every target on a corpus of good and broken inputs, a million executions each, guided by the code that they reach;
 //! with `--address` under a sanitizer of memory.
 //!
-//! With `--smoke`, as in CI, some thousand each: the targets count the code that they reach in themselves, and are linked with the libraries
+//! With `--smoke`, as in CI, about a thousand each: the targets count the code that they reach in themselves, and are linked with the libraries
 //! as the tests have them, with their overflow checks. So nothing is compiled once more with the fuzzer's instruments.
 
 use std::fs;

@@ -54,7 +54,7 @@ cargo xtask browser    reports and the page of the bench in Chromium
 cargo xtask features   compile every crate that has features without any, and with each single one
 cargo xtask docs       [--check] the site of docs/ in target/site, with search, equations and rustdoc, for reading without a network
 cargo xtask deny       licences, bans and sources of the dependencies
-cargo xtask bless      [--check] [names] make the generated files anew, all or those named; --check: fail if one is out of date. Names:
+cargo xtask bless      [--check] [names] make the generated files again, all or those named; --check: fail if one is out of date. Names:
                        testdata, image, vectors (only after an intended change of the target), schema, limits, serial-line, glossary, scenario, first-bytes,
                        circle, requirements, cli, errors, faults, pages
 cargo xtask conserve   1e9 ticks (27.8 h): every count accounted for
@@ -67,11 +67,11 @@ cargo xtask fpga       the exported Verilog: lint, vectors in two simulators, sy
                        and route, by name before a release
 cargo xtask firmware   build the firmware, run it in QEMU, compare it with the host bit for bit
 cargo xtask closed-loop  [--picture] the circle with the processor in it: the firmware in QEMU sends, the bench records and fits, the image goes back
-                       over the same line, a second cycle runs corrected; --picture: the picture of its page anew
+                       over the same line, a second cycle runs corrected; --picture: the picture of its page again
 cargo xtask formats    files of MATLAB, HDF5, TDMS, MDF, ArduPilot, Excel and SQLite, converted as the program says (needs python3-venv)
 cargo xtask fleet      the cluster's program in fleet/: lints, licences, tests with executors and an object store (needs python3-venv)
 cargo xtask wheel      the Python package in python/: lints, licences, the wheel, types and tests (needs python3-venv); --notebooks: the
-                       notebooks' pages in docs/ anew
+                       notebooks' pages in docs/ again
 cargo xtask dist       an archive and a Debian package in target/dist, of a release build for old systems (with zig from PyPI);
                        --check packs the program of the tests instead; both are unpacked or installed, and run
 
@@ -81,7 +81,7 @@ cargo xtask bench      [csv | simulator | allan | fleet | python] time and memor
 cargo xtask compare    fits of Sagnac and other tools on logs with a known truth, to docs/explanation/comparison.md (needs python3-venv)
 cargo xtask same       PROGRAM: does another build of `sagnac` give the same records, verdicts and images on testdata and 200 simulated
                        units? For changes that only move code
-cargo xtask pictures   make the pictures of the README and of docs/ anew (needs chromium)
+cargo xtask pictures   make the pictures of the README and of docs/ again (needs chromium)
 
 Missing cargo tools (cargo-deny, mdbook, cargo-fuzz) are installed. Missing Debian packages are installed as root; for other users the
 command is printed.";

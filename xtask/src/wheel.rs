@@ -1,5 +1,5 @@
 //! `cargo xtask wheel`: the Python package in `python/`, a workspace of its own: format, lints, licences, one wheel for every CPython from
-//! 3.10 on, and its tests in fresh environments: one with what users have beside it, one with nothing.
+//! 3.10 on, and its tests in fresh environments: one with what users have next to it, one with nothing.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -44,7 +44,7 @@ pub(crate) fn wheel(makes_pages: bool) -> Result<()> {
     python(&["-m", "pytest", "--quiet"])
 }
 
-/// The Python of an environment that is made anew.
+/// The Python of an environment that is made again.
 fn environment(name: &str) -> Result<PathBuf> {
     let venv = target().join("python").join(name);
     if venv.exists() {

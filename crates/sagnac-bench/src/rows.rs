@@ -17,7 +17,7 @@ use crate::start::Start;
 
 /// Most rows that are handed on together.
 const MOST_ROWS: usize = 8192;
-/// Time after which those who wait for rows are told that there are none.
+/// Time after which those who wait for rows get none.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 /// What became of a journal.
@@ -25,7 +25,7 @@ const PATIENCE: Duration = Duration::from_secs(1);
 pub struct Finished {
     /// What was recorded.
     pub counts: Counts,
-    /// The gyro's clock beside the computer's.
+    /// The gyro's clock next to the computer's.
     pub clock: ClockReport,
     /// What happened.
     pub events: Vec<Event>,

@@ -18,7 +18,7 @@ use crate::start::Start;
 const SILENT_AFTER_S: f64 = 2.5;
 const SILENT_ROWS: f64 = 3.0;
 
-/// The journal beside a log.
+/// The journal next to a log.
 pub fn journal_of(log: &Path) -> PathBuf {
     let mut name = log.as_os_str().to_owned();
     name.push(".journal");

@@ -206,7 +206,7 @@ impl Board {
     /// Their correction is output, as that of ticks without counts, with [`Status::MISSED_TICKS`] in the frame. Slow updates among them
     /// have no sample (`HELD`). The loops and the stripping stand still: no light and no pickoff was seen, and the counts between two zeros
     /// of the dither are the same. The tick number of the frame jumps. After more than [`LONGEST_PAUSE_TICKS`] nothing is made up: the
-    /// correction begins anew, as after a reset.
+    /// correction begins again, as after a reset.
     pub fn make_up(&mut self, missed_ticks: u32) {
         if missed_ticks == 0 {
             return;
@@ -233,7 +233,7 @@ impl Board {
         }
     }
 
-    /// Begins the state anew if a bit of it turned over since the last tick.
+    /// Begins the state again if a bit of it turned over since the last tick.
     #[inline]
     fn check_state(&mut self) {
         if !self.seal.holds(&self.gyro, &self.state, self.frame.tick) {

@@ -19,7 +19,7 @@ const LONGEST_DITHER_TICKS: u16 = 50;
 /// A quarter of the amplitude of the rig's pickoff.
 const LEAST_SWING: u32 = 1 << 23;
 
-/// The part that runs in the tick's interrupt: the board, and the rig in place of its gyro.
+/// The part that runs in the tick's interrupt: the board, and the rig instead of its gyro.
 #[derive(Clone, Debug)]
 pub struct TickHandler {
     board: Board,

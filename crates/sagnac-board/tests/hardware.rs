@@ -127,7 +127,7 @@ fn a_slow_update_in_a_pause_is_held() {
     assert_eq!(frames.last().unwrap().status, Status::OK);
 }
 
-/// Longer than what is made up: the correction begins anew at once, and nobody waits for it.
+/// Longer than what is made up: the correction begins again at once, and nobody waits for it.
 #[test]
 fn a_pause_without_end_begins_anew() {
     let pauses = (0..20_000).map(|call| if call == 15_000 { LONGEST_PAUSE_TICKS + 2 } else { 1 });

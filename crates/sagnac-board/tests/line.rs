@@ -260,7 +260,7 @@ const AT_20_C: Sample = Sample { codes: [Some(20 << 24), None, None, None], pick
 /// No dither is lock-in: the status says so in the frame in which two dither periods have passed without it, and until it returns.
 #[test]
 fn a_lost_dither_is_in_the_status() {
-    // 25 ticks a period; at rest from tick 5,010 to 7,510, a little beside zero.
+    // 25 ticks a period; at rest from tick 5,010 to 7,510, a little off zero.
     let pickoff = |tick: u32| match tick {
         5010..7510 => 12,
         _ => (1e6 * (f64::from(tick) * std::f64::consts::TAU / 25.0).sin()) as i32,
@@ -327,7 +327,7 @@ fn a_stuck_thermometer_is_in_the_status() {
     assert_eq!(board.standing_still(), 2);
     let outvoted: Vec<usize> = (0..frames.len()).filter(|at| frames[*at].status.contains(Status::OUTVOTED)).collect();
     assert_eq!(outvoted, [1]);
-    // Another image may have other thermometers in these places: the watch begins anew with it.
+    // Another image may have other thermometers in these places: the watch begins again with it.
     let other = Image::new(Description { sequence: two.sequence + 1, ..two }).unwrap();
     let loaded = Loaded { image: other, origin: Origin::Newest, banks: [BankReport::Uncommitted; 2], trial: false };
     board.use_loaded(&loaded);

@@ -288,7 +288,7 @@ fn what_cannot_work_is_refused_first() {
     refused(&["--source", "-"], "query");
 }
 
-/// Garbage in place of a log: nothing that is a row, exit 3, and the journal keeps it.
+/// Garbage instead of a log: nothing that is a row, exit 3, and the journal keeps it.
 #[test]
 fn garbage_is_kept_and_no_log() {
     let bench = Bench::new("-");
@@ -372,7 +372,7 @@ fn two_cycles() -> String {
     text
 }
 
-/// The test ends itself when it has told enough, long before its log does: record and report are written, and the exit status is 0.
+/// The test ends itself when it is complete, long before its log does: record and report are written, and the exit status is 0.
 #[test]
 fn a_test_that_has_told_enough_ends_itself() {
     let bench = Bench::new("replay:test.csv?speed=max");
@@ -382,7 +382,7 @@ fn a_test_that_has_told_enough_ends_itself() {
     let more = ["--stop-when", "met", "--calibration", "unit.cal.json", "--report", "unit.html"];
     let ended = bench.run(&[&["--source", "replay:test.csv?speed=4000"][..], &more].concat());
     assert!(ended.status.success(), "{}", text(&ended.stderr));
-    assert!(text(&ended.stderr).contains("told enough, and was ended"), "{}", text(&ended.stderr));
+    assert!(text(&ended.stderr).contains("complete, and was ended"), "{}", text(&ended.stderr));
     // It soaked at the ends alone.
     assert!(
         text(&ended.stderr).contains("not seen by this test: a memory of the direction at rest"),

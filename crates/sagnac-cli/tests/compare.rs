@@ -176,7 +176,7 @@ fn the_interval_of_a_difference_covers() {
         all += same.len();
         seen += usize::from(ratios(record(changed, 1002 + 3 * pair)).iter().any(|ratio| *ratio > 3.0));
     }
-    // 95 % are stated; the twelve temperatures of a pair go together, so that the fraction scatters by some 1.5 %.
+    // 95 % are stated; the twelve temperatures of a pair go together, so that the fraction scatters by about 1.5 %.
     let fraction = within as f64 / all as f64;
     assert!((0.91..=0.99).contains(&fraction), "{fraction}");
     assert_eq!(seen, PAIRS as usize);

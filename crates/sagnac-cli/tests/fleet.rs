@@ -356,7 +356,7 @@ fn the_common_basis_is_the_curve_of_the_record() {
             let weight: Vec<f64> = basis(*t).iter().zip(basis(reference)).map(|(a, b)| a - b).collect();
             let drift: f64 = weight.iter().zip(&beta).map(|(w, b)| w * b).sum();
             assert!((drift - curve[1][at]).abs() < 1e-9 * (1.0 + drift.abs()), "{t} °C: {drift} {}", curve[1][at]);
-            // The curve's own, and what lies beside the model: never less.
+            // The curve's own, and what lies next to the model: never less.
             let of = |i: usize, j: usize| weight[i] * weight[j] * lower[i.max(j) * (i.max(j) + 1) / 2 + i.min(j)];
             let sigma = (of(0, 0) + 2.0 * of(0, 1) + of(1, 1)).max(0.0).sqrt();
             assert!(sigma <= sigmas[at] * (1.0 + 1e-6) + 1e-9, "{t} °C: {sigma} {}", sigmas[at]);
@@ -374,7 +374,7 @@ fn the_common_basis_is_the_curve_of_the_record() {
 }
 
 /// The prior of units whose curves were drawn here: mean and scatter of the quadratic in closed form, merged from two halves to the same
-/// bytes, and an odd unit named.
+/// bytes, and an outlier named.
 #[test]
 fn the_prior_of_a_fleet_is_that_of_its_units() {
     let it = Factory::new(0);
@@ -484,7 +484,7 @@ fn the_prior_of_a_fleet_is_that_of_its_units() {
     }
 }
 
-/// A rig whose chamber adds a rate, an odd unit and a refusal, all of them named; of ten thousand units the page stays small.
+/// A rig whose chamber adds a rate, an outlier and a refusal, all of them named; of ten thousand units the page stays small.
 #[test]
 fn the_report_names_what_is_wrong() {
     let it = Factory::new(0);
@@ -525,7 +525,7 @@ fn the_report_names_what_is_wrong() {
     ] {
         assert!(page.contains(words), "{words}");
     }
-    // A click from the odd unit, and from the one without a record, to what is known of it.
+    // A click from the outlier, and from the one without a record, to what is known of it.
     for (unit, words) in [("RLG-11", "records/RLG-11.cal.json"), ("RLG-99", "refused: no window of the log")] {
         let entry = page.split(&format!("id=\"unit-{unit}\"")).nth(1).and_then(|rest| rest.split("</section>").next());
         assert!(entry.is_some_and(|entry| entry.contains(words)), "{unit}: {entry:?}");
@@ -548,7 +548,7 @@ fn the_report_names_what_is_wrong() {
     assert!(bytes < 3_000_000, "{bytes}");
 }
 
-/// The demonstration: the rig that is off is named, the planned test is half of the full one or shorter, and all but the odd unit pass
+/// The demonstration: the rig that is off is named, the planned test is half of the full one or shorter, and all but the outlier pass
 /// with it. Its files are a factory like any other.
 #[test]
 fn the_demonstration_shows_what_it_says() {

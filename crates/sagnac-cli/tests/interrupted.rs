@@ -8,7 +8,7 @@ use sagnac_sim::{PaperRig, csv_bytes};
 use tempfile::TempDir;
 
 const KILLS: u32 = 200;
-/// A whole run is timed anew after so many kills, because other work on the machine comes and goes; it counts as twice as long if none of
+/// A whole run is timed again after so many kills, because other work on the machine comes and goes; it counts as twice as long if none of
 /// the kills before came after its end.
 const KILLS_PER_MEASUREMENT: u32 = 20;
 const OLD: &str = "what was there before\n";

@@ -174,7 +174,7 @@ impl State {
     }
 
     /// Clears [`Status::OVERFLOW`]: counts are output again, from a remainder of zero. What was held back is lost, so call it only where
-    /// the user of the counts starts anew as well.
+    /// the user of the counts starts again as well.
     ///
     /// **SAG-CORE-015** More than 2^29 counts held back set OVERFLOW, which only a call clears; the counts are zero meanwhile.
     pub const fn clear_overflow(&mut self) {
@@ -369,7 +369,7 @@ impl Compensator {
         update.advance(&self.image)
     }
 
-    /// Puts a slow update in force that is due now, in place of [`Self::update`]. Makes the slices that are still missing.
+    /// Puts a slow update in force that is due now, instead of [`Self::update`]. Makes the slices that are still missing.
     ///
     /// # Errors
     /// [`Misuse::UpdateNotDue`]; [`Misuse::Outdated`] if the state had another slow update, or is another one, since this was begun. Then
@@ -387,7 +387,7 @@ impl Compensator {
     }
 
     /// Whole temperature periods without counts, each begun by a slow update with the same codes: a gap in a log. The state afterwards is that
-    /// of as many updates and skips; once the lags have settled to the bit, which takes some 36 τ, the rest is a closed form.
+    /// of as many updates and skips; once the lags have settled to the bit, which takes about 36 τ, the rest is a closed form.
     ///
     /// # Errors
     /// [`Misuse`] when no update is due, or the number of codes is wrong; then nothing has changed.

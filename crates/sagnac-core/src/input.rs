@@ -23,7 +23,7 @@
 //! farther than `largest_step_q8` from the last one is held back until [`STEADY_UPDATES`] of them in a row lie that near to each other.
 //!
 //! While a value is missing the filter runs on the last one. When it returns after a hold of more than an eighth of τ, or with a step
-//! that was held back, the filter begins anew at it: the change meanwhile is no rate. The status is SETTLING again until the settling
+//! that was held back, the filter begins again at it: the change meanwhile is no rate. The status is SETTLING again until the settling
 //! time has passed. After a shorter hold the rate is wrong by less than 1 % of itself (½(hold/τ)²).
 
 use crate::checksum::Checksum;
@@ -32,7 +32,7 @@ use crate::series::{ONE_Q31, ONE_Q47};
 
 /// Updates for which a step must stay before it is a value.
 pub const STEADY_UPDATES: u8 = 3;
-/// A filter begins anew after a hold of more than τ by two to this power.
+/// A filter begins again after a hold of more than τ by two to this power.
 const HOLD_SHIFT: u32 = 3;
 
 /// Where the filter of a warm-up begins: −1 °C in 2⁻⁴⁶ °C.

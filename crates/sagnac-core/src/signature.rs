@@ -90,7 +90,7 @@ pub fn service_message(serial: &[u8; 32], axis: u8, challenge: &[u8; CHALLENGE_L
 }
 
 impl SignatureBlock {
-    /// Splits bytes into an image and its signature block: `None` in place of the block for bytes that end with none.
+    /// Splits bytes into an image and its signature block: `None` instead of the block for bytes that end with none.
     ///
     /// # Errors
     /// [`SignatureError::Block`] for bytes that begin a block of an unknown version or with a reserved byte set.

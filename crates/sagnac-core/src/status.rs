@@ -39,7 +39,7 @@ impl Status {
     pub const OUTVOTED: Self = Self(1 << 12);
     /// Ticks passed without a call, for example while flash was erased: their correction was made up, their inputs are missing.
     pub const MISSED_TICKS: Self = Self(1 << 13);
-    /// A bit of memory turned over: the image is the one of flash again, or the state began anew ([`crate::State::checksum`]).
+    /// A bit of memory turned over: the image is the one of flash again, or the state began again ([`crate::State::checksum`]).
     pub const UPSET: Self = Self(1 << 14);
 
     /// The bits that a board adds to those of the compensator, with their names.

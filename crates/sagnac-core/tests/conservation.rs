@@ -345,7 +345,7 @@ fn a_repeat_of_one_lag_is_its_input() {
     assert!(seen.contains(Status::HELD | Status::STALE | Status::UNCORRECTED | Status::SETTLING), "{seen:?}");
 }
 
-/// A bias term of one count per tick over a warm-up of 1,500 s, beside a thermometer that corrects nothing.
+/// A bias term of one count per tick over a warm-up of 1,500 s, next to a thermometer that corrects nothing.
 fn warming() -> Compensator {
     let mut d = *image(&[term(Kind::Bias, 0, Multiplier::Rate, 1 << 30, 21)], 1, 0).description();
     (d.inputs[1], d.input_count, d.terms[0].input) = (warm_up(), 2, 1);
@@ -446,7 +446,7 @@ fn no_hold_makes_a_false_rate_with_a_clean_status() {
 }
 
 /// A spike inside the valid range, of one update or two, is no temperature: HELD, and the correction is that of before. A step that stays is one after
-/// three updates, and the rate then settles anew.
+/// three updates, and the rate then settles again.
 /// SAG-CORE-003
 #[test]
 fn a_spike_is_held_back_and_a_step_that_stays_is_not() {

@@ -9,7 +9,7 @@
 //!
 //! A file of a few hundred bytes can announce any size, so each allocation that a file sizes is compared with its share before it is
 //! made. The shares are fixed: whether a file is read depends on the file and the budget, never on the number of threads or on which of
-//! them was faster. What is counted is the data; the program itself and its libraries take some 20 MiB more.
+//! them was faster. What is counted is the data; the program itself and its libraries take about 20 MiB more.
 
 use crate::error::Error;
 

@@ -1,4 +1,4 @@
-//! A folder or a pattern in place of logs: the files that it means, in natural order (run-2 before run-10).
+//! A folder or a pattern instead of logs: the files that it means, in natural order (run-2 before run-10).
 
 use std::path::{Path, PathBuf};
 

@@ -266,7 +266,7 @@ fn dates_are_times() {
     let summer = "time,counts\n2024-10-27T02:59:50+02:00,1\n2024-10-27T02:59:55+02:00,1\n2024-10-27T02:00:00+01:00,1\n";
     let (batch, reader) = read(summer, &counts_setup()).unwrap();
     assert_eq!((batch.len(), tallies(&reader).len()), (3, 0));
-    // Numbers beside dates are read, the dates are not.
+    // Numbers next to dates are read, the dates are not.
     let (_, reader) = read("timestamp,time_s,counts\n2024-10-27,1,1\nx,2,1\n", &counts_setup()).unwrap();
     assert_eq!(reader.shape().ignored, ["timestamp"]);
 }

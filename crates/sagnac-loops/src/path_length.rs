@@ -210,7 +210,7 @@ pub struct PathLengthState {
 pub struct PathLengthOutput {
     /// Code of the actuator, without the modulation.
     pub actuator: i32,
-    /// Code of the modulation: add it for a mirror, or send it to a separate modulator beside a heater.
+    /// Code of the modulation: add it for a mirror, or send it to a separate modulator next to a heater.
     pub modulation: i32,
     /// Status of the counts of this tick.
     pub status: PathLengthStatus,
@@ -420,7 +420,7 @@ impl PathLength {
         if peak { PathLengthPhase::Locked { bad: 0, checked: 0 } } else { self.without_peak(state) }
     }
 
-    /// No peak was found here: reported, and begun anew.
+    /// No peak was found here: reported, and begun again.
     fn without_peak(&self, state: &mut PathLengthState) -> PathLengthPhase {
         state.status |= PathLengthStatus::NO_PEAK;
         self.wait()

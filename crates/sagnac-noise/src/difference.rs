@@ -139,7 +139,7 @@ fn sums_of_squares<S: Simd, const N: usize, const K: usize>(
         let values = std::array::from_fn(|column| &whole[column].0[at]);
         add_squares(simd, &mut sums, values, &f);
     }
-    // Zeros in place of what is missing to a whole vector add nothing.
+    // Zeros instead of what is missing to a whole vector add nothing.
     let last = whole.map(|(_, rest)| {
         let mut values = [0.0; LANES];
         values[..rest.len()].copy_from_slice(rest);

@@ -389,7 +389,7 @@ mod tests {
         assert_eq!(compared, 54);
     }
 
-    /// On the grid, beside it (50 is no multiple of 33/32), and with parts of rows as a bare curve may have.
+    /// On the grid, next to it (50 is no multiple of 33/32), and with parts of rows as a bare curve may have.
     #[test]
     fn covariances_of_the_grid_are_those_of_each_lag() {
         let noise = PhaseNoise { q2: 0.0, n2: 0.04, b2: 1e-4, k2: 1e-6, r2: 0.0 };

@@ -35,7 +35,7 @@ fn level_of(m: usize) -> u32 {
     m.div_ceil(FULL_OVERLAP).next_power_of_two().ilog2()
 }
 
-/// The distance that the pyramid serves in place of `m`.
+/// The distance that the pyramid serves instead of `m`.
 pub fn served(m: usize) -> usize {
     let stride = 1 << level_of(m);
     (m + stride / 2) / stride * stride

@@ -13,7 +13,7 @@
 //!   If the rate wanders by more than its noise within 64 rows, the mean of only the two adjacent rows is used.
 //! * Quantization: a lost row also loses the rounding that it shares with its neighbours. N² grows by 2·p·Q²/τ0.
 //!
-//! **Disturbed rows** are more than six scales from the median of some 700 rows around them. The scale is that of the middle
+//! **Disturbed rows** are more than six scales from the median of about 700 rows around them. The scale is that of the middle
 //! nine tenths of these rows, at least that of rounding; noise alone exceeds six scales once in 10⁸ rows. The record is computed
 //! both with and without disturbed rows. The result excludes them if they are at most 0.5 % of the rows; if there are more, they
 //! are normal behaviour of the gyro, and the result includes them.

@@ -67,7 +67,7 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
     }
 }
 
-/// Says beside the verdict that the bias was not judged.
+/// Says next to the verdict that the bias was not judged.
 fn unjudged_bias(verification: &Verification) -> &'static str {
     let mut limits = verification.axes.iter().flat_map(|axis| &axis.limits);
     let is_unjudged = limits.any(|limit| limit.name == "bias_repeatability_dph_max" && limit.pass.is_none());
@@ -307,7 +307,7 @@ pub(crate) fn flight_figure(axis: &AxisVerification) -> Option<Figure> {
     let flown: &PositionError = axis.flight.as_ref()?;
     let title = "What the drift does to the position";
     let caption = "The drift over temperature that the windows show, flown through the stated profile of temperature. Noise is not in these \
-                   curves: it leaves no distance of its own but a spread, which the table gives beside them."
+                   curves: it leaves no distance of its own but a spread, which the table gives next to them."
         .to_owned();
     let mut out = figure(axis.axis, "flight", title, caption, ["time of flight, min", "position error, m"], "flight");
     let curve = |label: &str, role: Role, y: &[f64]| Layer::Line {

@@ -16,7 +16,7 @@ const TWO_SIGMA: f64 = 1.96;
 /// Figures that cannot be written as JSON.
 pub fn comparison_report(comparison: &Comparison) -> Result<Report> {
     let mut page = ChartPage {
-        title: format!("Calibrations of {} beside each other", comparison.serial),
+        title: format!("Calibrations of {}, compared", comparison.serial),
         subtitle: names(comparison).join(", "),
         ..ChartPage::default()
     };

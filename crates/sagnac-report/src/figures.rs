@@ -339,7 +339,7 @@ pub(crate) fn over_temperature(report_data: &ReportData, axis: &AxisReportData, 
     out.drop_empty().framed(true)
 }
 
-/// Residuals beside the noise floor.
+/// Residuals next to the noise floor.
 pub(crate) fn histogram(axis: &AxisReportData, floor_dph: Option<f64>) -> Option<Figure> {
     let values: Vec<f64> = used(axis).map(|p| p.after_dph).filter(|v| v.is_finite()).collect();
     let (edges, heights) = binned(&values)?;
@@ -349,9 +349,9 @@ pub(crate) fn histogram(axis: &AxisReportData, floor_dph: Option<f64>) -> Option
             values.len(),
             significant(floor, 3)
         ),
-        None => "The noise floor of this log is not known, so there is nothing to hold the bars against.".to_owned(),
+        None => "The noise floor of this log is not known, so the bars have no reference.".to_owned(),
     };
-    let title = if floor_dph.is_some() { "Residual, beside the noise floor" } else { "Residual" };
+    let title = if floor_dph.is_some() { "Residual, next to the noise floor" } else { "Residual" };
     let mut out = figure(axis.axis, "histogram", title, caption, ["residual, °/h", "windows"], "histogram");
     let width = edges[1] - edges[0];
     let (lo, hi) = (edges[0], edges[edges.len() - 1]);

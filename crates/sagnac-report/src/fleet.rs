@@ -1,4 +1,4 @@
-//! The page of a fleet: yield, rigs, odd units, what drifts, which limit is tight.
+//! The page of a fleet: yield, rigs, outliers, what drifts, which limit is tight.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ use crate::report::Report;
 const MOST_DOTS: usize = 1200;
 /// Values further from the centre are drawn at this many σ.
 const MOST_SIGMAS: f64 = 6.0;
-/// Rows of the table of odd units; more are counted.
+/// Rows of the table of outliers; more are counted.
 const MOST_ODD: usize = 100;
 /// Units with an entry of their own: those that a reader asks for first.
 const MOST_ENTRIES: usize = 150;
@@ -105,7 +105,7 @@ fn odd(quality: &Quality, named: &Named<'_>) -> PageTable {
     let shown = || quality.odd.iter().take(MOST_ODD);
     let rows = shown().map(|odd| [odd.of.clone(), odd.quantity.clone(), significant(odd.sigmas, 2)]);
     let more = quality.odd.len().saturating_sub(MOST_ODD);
-    let heading = if more > 0 { format!("Odd units ({more} more)") } else { "Odd units".to_owned() };
+    let heading = if more > 0 { format!("Outliers ({more} more)") } else { "Outliers".to_owned() };
     let entries = shown().map(|odd| named.id_of(unit_of(odd))).collect();
     PageTable { entries, ..table(&heading, ["unit and axis", "furthest in", "from the median, σ"], rows) }
 }
@@ -181,7 +181,7 @@ impl<'a> Named<'a> {
     }
 }
 
-/// Coefficients and noise of an axis, and the limits that its retest was held against.
+/// Coefficients and noise of an axis, and the limits of its retest.
 fn axis_tables(of: &AxisResult) -> [PageTable; 2] {
     let known = |name: &str, value: Option<f64>, unit: &str| {
         value.map(|value| [name.to_owned(), significant(value, 4), unit.to_owned()])

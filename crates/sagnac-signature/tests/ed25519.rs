@@ -34,7 +34,7 @@ fn the_vectors_of_the_standard_hold() {
     }
 }
 
-/// A second form of a signature (S + L in place of S) and a key of small order, under which anything verifies: both refused.
+/// A second form of a signature (S + L instead of S) and a key of small order, under which anything verifies: both refused.
 #[test]
 fn what_is_not_canonical_is_refused() {
     /// The order of the group, RFC 8032 §5.1.

@@ -84,7 +84,7 @@ pub(crate) fn normal(rng: &mut ChaCha8Rng) -> f64 {
     }
 }
 
-/// The tail, and the wedge beside each layer: one draw in seventy.
+/// The tail, and the wedge next to each layer: one draw in seventy.
 #[cold]
 fn outside_the_core(rng: &mut ChaCha8Rng, layer: usize, x: f64) -> Option<f64> {
     if layer == 0 {

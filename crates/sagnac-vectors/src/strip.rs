@@ -5,7 +5,7 @@
 //! | 0 start | longest period, least swing | 0 |
 //! | 1 run | ticks, seed, counts, bits, amplitude, step, bits of the pickoff, place of the pickoff | hash, Σ stripped (two words), pending (two words), dither found, periods |
 //!
-//! Each tick has counts plus noise, and a pickoff of place + amplitude·y + noise, held to 32 bits: y is a parabola in place of a sine, of
+//! Each tick has counts plus noise, and a pickoff of place + amplitude·y + noise, held to 32 bits: y is a parabola instead of a sine, of
 //! the phase that grows by the step. The hash is over counts, length and completeness of each period, and over each tick's verdict.
 
 use sagnac_loops::Stripper;

@@ -573,8 +573,8 @@ impl Frame {
                 .to_owned(),
             (Kind::Bias, LogUnit::Rates { lsb_arcsec }) => {
                 let enough = RATE_LSBS.into_iter().find(|lsb| *lsb >= lsb_arcsec * over);
-                let lsb = enough.map_or("coarser".to_owned(), |lsb| format!("of {lsb}"));
-                format!("set a rate_lsb_arcsec {lsb}, remove that key, or choose a smaller --model")
+                let lsb = enough.map_or("a coarser value".to_owned(), |lsb| lsb.to_string());
+                format!("set rate_lsb_arcsec to {lsb}, remove that key, or choose a smaller --model")
             }
             (Kind::Bias, LogUnit::Counts { .. }) if limit < TERM_MAX => {
                 let period_s = significant(self.target.period_s() / over, 2);

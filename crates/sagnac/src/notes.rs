@@ -150,7 +150,7 @@ fn unexplained(fit: &FitDiagnostics) -> Option<Note> {
 fn of_time_and_search(fit: &FitDiagnostics, notes: &mut Vec<Note>) {
     notes.extend(fit.time_effects.iter().map(|effect| {
         let words = effect.words();
-        let text = format!("{words} (fitted beside the terms, not corrected; residual and held-out σ are without it)");
+        let text = format!("{words} (fitted with the terms, not corrected; residual and held-out σ are without it)");
         Note::of(NoteLevel::Fact, NoteAbout::Fit, text)
     }));
     notes.extend(

@@ -309,7 +309,7 @@ fn published_parameters_agree_but_for_the_bmi160_trap() {
     }
 }
 
-/// Rates of white noise with a random walk, flicker (a sum of exponential correlations) or steps of counting beside it; `period_dph` is the
+/// Rates of white noise with a random walk, flicker (a sum of exponential correlations) or steps of counting next to it; `period_dph` is the
 /// amplitude of a sine of 40 s.
 fn noisy(seed: u64, kind: u64, period_dph: f64) -> Vec<f64> {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;

@@ -7,7 +7,7 @@ use sagnac::Setup;
 use sagnac::verify::{Correction, VerifyOptions, verify};
 use sagnac_log::setup::Counter;
 
-/// A rate log saved again with times that moved each by up to a microsecond, and a running total in place of its steps.
+/// A rate log saved again with times that moved each by up to a microsecond, and a running total instead of its steps.
 #[test]
 fn copies_of_rates_and_of_running_totals_are_refused() {
     for seed in 0..10 {

@@ -159,7 +159,7 @@ fn every_format_gives_the_same_calibration() {
     }
 }
 
-/// A file on disk is decoded in place and hashed beside that; the hash is that of its bytes.
+/// A file on disk is decoded in place and hashed next to that; the hash is that of its bytes.
 #[test]
 fn files_are_hashed_as_they_are() {
     let batch = batch(&columns());
@@ -437,7 +437,7 @@ fn arrows_times_are_written_as_their_header_says() {
     assert_eq!(field(7, 3), "");
 }
 
-/// Only numbers decide whether a comma is decimal; words beside them do not.
+/// Only numbers decide whether a comma is decimal; words next to them do not.
 #[test]
 fn a_comma_among_words_is_not_decimal() {
     let c = columns();
@@ -510,7 +510,7 @@ fn in_memory(batch: &RecordBatch, part: usize) -> LogReader {
     LogReader::from_table(table, &setup(), ReadMode::Bulk).unwrap()
 }
 
-/// A table in memory gives the calibration of its file. Its hash is that of its values: whatever parts they come in, whatever is beside them.
+/// A table in memory gives the calibration of its file. Its hash is that of its values: whatever parts they come in, whatever is next to them.
 #[test]
 fn a_table_in_memory_is_the_log_of_its_file() {
     let batch = batch(&columns());

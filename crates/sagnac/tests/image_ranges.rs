@@ -48,7 +48,7 @@ fn a_given_model_that_does_not_fit_is_refused_by_name() {
         logs(),
         &fine,
         "bias 2",
-        &["`bias 2`", "axis x", "the term `bias 1` reaches", "8192 °/h", "of 0.001 holds it"],
+        &["`bias 2`", "axis x", "the term `bias 1` reaches", "8192 °/h", "rate_lsb_arcsec to 0.001"],
     );
     let coarser = Setup { rate_lsb_arcsec: Some(1e-3), ..setup() };
     fit(logs(), &coarser, "bias 2").unwrap();
@@ -69,7 +69,7 @@ fn a_given_model_that_does_not_fit_is_refused_by_name() {
         vec![bench.log().csv()],
         &slow,
         "bias 1",
-        &["axis x", "the term `bias 1` reaches", "819.2 °/h", "a tick_s of 0.4"],
+        &["axis x", "the term `bias 1` reaches", "819.2 °/h", "tick_s to 0.4"],
     );
     fit(vec![bench.log()], &Setup { tick_s: Some(0.25), ..counts }, "bias 1").unwrap();
     let auto = fit(vec![bench.log()], &slow, "auto").unwrap();

@@ -362,7 +362,7 @@ fn hysteresis_is_always_reported() {
     assert!(without.after_dph > 10.0 * without.sigma_dph.min(0.005), "{without:?}");
 }
 
-/// Every part of a fit is told from its start to its end, and telling changes nothing.
+/// A listener gets every part of a fit from start to end, and changes nothing.
 #[test]
 fn a_fit_tells_what_it_is_doing() {
     use sagnac::fit::{Doing, Progress};

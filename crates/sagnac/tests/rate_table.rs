@@ -96,7 +96,7 @@ fn the_noise_of_a_turned_record_carries_a_warning() {
     assert!(warned(&turned) && !warned(&still));
 }
 
-/// The table's angle, and a mark per revolution, in place of its rate.
+/// The table's angle, and a mark per revolution, instead of its rate.
 #[test]
 fn angles_and_marks_give_the_rate() {
     let rig = RateTable { rates_dps: vec![10.0, -10.0], dwell_s: 720, soak_s: 2880.0, ..RateTable::domain_notes() };

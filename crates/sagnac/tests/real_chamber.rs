@@ -112,7 +112,7 @@ fn a_second_lag_explains_more_of_axis_x() {
     assert!(refused.contains("do not separate the two lags"), "{refused}");
 }
 
-/// Held out, of the cubic's error: 0.13, 0.61 and 0.31 on x, y and z. On x and z `auto` finds a drift in time and a warm-up beside
+/// Held out, of the cubic's error: 0.13, 0.61 and 0.31 on x, y and z. On x and z `auto` finds a drift in time and a warm-up next to
 /// one lag, which leave a third of what two lags leave. This one sweep cannot say whether time or a process slower than the sweep
 /// is the cause; the record says that neither is corrected.
 #[test]
@@ -141,7 +141,7 @@ fn time_explains_what_a_second_lag_does_not() {
     }
 }
 
-/// Its heating alone, thirty rows summed to counts: the largest models follow the ramp closely and are wrong by several times that beside it.
+/// Its heating alone, thirty rows summed to counts: the largest models follow the ramp closely and are wrong by several times that next to it.
 /// A grade selected `bias 6, rate 1` there, with 2.6 times the held-out error of `bias 6`.
 #[test]
 fn no_model_is_selected_that_a_smaller_one_beats_by_far() {

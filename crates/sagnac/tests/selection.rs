@@ -30,7 +30,7 @@ fn independent_orders(runs: usize, powers: [f64; 3]) -> (DVector<f64>, DMatrix<f
     (true_orders, curve * r.try_inverse().unwrap() * WHITE_100_S_DPH)
 }
 
-/// A selection of the orders 2 and 3 of three estimates: how many are kept beside the first.
+/// A selection of the orders 2 and 3 of three estimates: how many are kept next to the first.
 type Selects = fn([f64; 3]) -> usize;
 
 fn one_by_one([_, second, third]: [f64; 3]) -> usize {
@@ -88,7 +88,7 @@ fn orders_in_pairs_hold_a_cubic_and_lose_the_others() {
     }
 }
 
-/// A series with zones beside it on exact windows: its columns orthonormal, and what their estimates make of the curve.
+/// A series with zones next to it on exact windows: its columns orthonormal, and what their estimates make of the curve.
 struct Exact {
     q: DMatrix<f64>,
     curve: DMatrix<f64>,

@@ -1,4 +1,4 @@
-//! What `survey` says of a log, held against `calibrate` and against faults that were put in, over hundreds of logs of a generator of its own.
+//! The result of `survey` for a log, checked against `calibrate` and against faults that were put in, over hundreds of logs of a generator of its own.
 
 use std::fmt::Write as _;
 

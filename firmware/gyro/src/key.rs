@@ -1,4 +1,4 @@
-//! The key of the emulated board, in place of fuses.
+//! The key of the emulated board, instead of fuses.
 //!
 //! Not for a gyro: the counter lives in memory, and the challenges count up, because the emulator has no random numbers. A board takes
 //! its challenge from a random number generator, or from a counter that survives power-off.

@@ -21,7 +21,7 @@ unsafe extern "C" {
     fn sagnac_firmware_has_a_panic_path() -> !;
 }
 
-/// The library of the signature has panic paths: a program with a key starts anew.
+/// The library of the signature has panic paths: a program with a key starts again.
 #[cfg(feature = "signed")]
 #[panic_handler]
 fn panic(_: &PanicInfo<'_>) -> ! {

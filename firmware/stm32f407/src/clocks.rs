@@ -9,7 +9,7 @@ use stm32f4::stm32f407::{FLASH, PWR, RCC};
 pub const SLOW_TIMERS_HZ: u32 = 84_000_000;
 /// Clock of the slow bus, for the serial port, Hz.
 pub const SLOW_BUS_HZ: u32 = 42_000_000;
-/// Readings of a flag until a clock counts as dead: some 100 ms at 16 MHz.
+/// Readings of a flag until a clock counts as dead: about 100 ms at 16 MHz.
 const PATIENCE: u32 = 200_000;
 
 /// Switches to the crystal. `None` if crystal or PLL does not start.
@@ -29,7 +29,7 @@ pub fn start(rcc: &RCC, flash: &FLASH, power: &PWR) -> Option<()> {
     wait(|| flash.acr().read().latency().is_ws5())?;
     rcc.cfgr().modify(|_, w| w.hpre().div1().ppre1().div4().ppre2().div2().sw().pll());
     wait(|| rcc.cfgr().read().sws().is_pll())?;
-    // A crystal that stops later raises the non-maskable interrupt, which starts the board anew.
+    // A crystal that stops later raises the non-maskable interrupt, which starts the board again.
     rcc.cr().modify(|_, w| w.csson().on());
     Some(())
 }

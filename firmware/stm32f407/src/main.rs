@@ -40,7 +40,7 @@ use serial::Serial;
 const WAITING: usize = 32;
 /// Ticks from one comparison with flash to the next.
 const SCRUB_TICKS: u32 = 10_000;
-/// Longest time without food, at some 32 kHz / 64: 4 s, above the longest store.
+/// Longest time without food, at about 32 kHz / 64: 4 s, above the longest store.
 const WATCHDOG_RELOAD: u16 = 2000;
 
 /// What the tick's interrupt and the main loop share.
@@ -189,5 +189,5 @@ fn run(mut line: BoardLine, loops: &LoopTable, watchdog: &IWDG) {
     }
 }
 
-/// A line that is quiet for so many ticks has ended its frame: 50 ms, some eight of the longest frames.
+/// A line that is quiet for so many ticks has ended its frame: 50 ms, about eight of the longest frames.
 const QUIET_TICKS: u32 = 500;

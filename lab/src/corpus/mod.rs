@@ -365,7 +365,7 @@ fn binary_logs() -> Vec<Case> {
     vec![
         on("truncated Parquet", cut(parquet(&batch()), 0.5)),
         on("Parquet of noise", [b"PAR1".to_vec(), noise(3000), b"PAR1".to_vec()].concat()),
-        // The next three were found by fuzzing: a page header and a footer that announce lists of some 10^9 elements, and a
+        // The next three were found by fuzzing: a page header and a footer that announce lists of about 10^9 elements, and a
         // dictionary of as many values.
         on("Parquet with a list that never ends", include_bytes!("found/endless-list.parquet").to_vec()),
         on(

@@ -49,7 +49,7 @@ pub(super) struct Log {
     pub(super) bytes: Vec<u8>,
 }
 
-/// Further columns that a log can have beside each other.
+/// Further columns that a log can have next to each other.
 const FURTHER: [&str; 6] =
     ["temperature_c_cavity", "temperature_c_mirror", "reference_rate_dps", "valid", "aux_volts", "comment"];
 

@@ -19,7 +19,7 @@ const CPU_S: u32 = if cfg!(test) { 2 } else { 60 };
 const WALL_S: u32 = 400;
 /// Largest resident set of a run with the default budget.
 const PEAK_KIB: u64 = 256 << 10;
-/// Most that a run may write or say: its inputs have some 100 kB.
+/// Most that a run may write or say: its inputs have about 100 kB.
 const OUTPUT_BYTES: u64 = 64 << 20;
 /// Longest message of an error.
 const MESSAGE_BYTES: usize = 8 << 10;

@@ -1,4 +1,4 @@
-//! The glossary as a page of the book: a copy of `GLOSSARY.md`, which GitHub shows beside the README.
+//! The glossary as a page of the book: a copy of `GLOSSARY.md`, which GitHub shows next to the README.
 
 use std::fs;
 

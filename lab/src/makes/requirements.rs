@@ -1,6 +1,6 @@
 //! Requirements of the arithmetic on the target, and where each is met and tried: `docs/reference/traceability.md`.
 //!
-//! A requirement is one sentence or two in the core, beside the code that meets it: `/// **SAG-CORE-012** …`. C, Verilog, tests and the
+//! A requirement is one sentence or two in the core, next to the code that meets it: `/// **SAG-CORE-012** …`. C, Verilog, tests and the
 //! list of the vectors name its number. The page is made from these places; a requirement that a column lacks, or a number that
 //! nobody defines, is an error.
 
@@ -16,7 +16,7 @@ use crate::made::Made;
 use crate::places::TRACEABILITY;
 
 const ID: &str = "SAG-CORE-";
-/// Requirements that the hardware leaves to the processor beside it, and why.
+/// Requirements that the hardware leaves to the processor next to it, and why.
 const NOT_IN_HARDWARE: [(&str, &str); 6] = [
     ("SAG-CORE-019", "the processor that sends the image"),
     ("SAG-CORE-021", "no flash"),

@@ -20,7 +20,7 @@ const FIGURES: [(&str, &str); 4] = [
 ];
 const SIZE: [u32; 2] = [860, 350];
 
-/// Makes all pictures; the recorded log is in the folder beside the checkout.
+/// Makes all pictures; the recorded log is in the folder next to the checkout.
 pub(crate) fn pictures() -> Result<()> {
     let work = root().join("target/pictures");
     fs::create_dir_all(&work)?;

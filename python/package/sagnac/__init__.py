@@ -186,7 +186,7 @@ def _taus(taus: object) -> tuple[str, list[float]]:
 
 
 def compare(calibrations: Sequence[Calibration] | Mapping[str, Calibration], limits: object = None) -> Comparison:
-    """Records of one unit beside each other: cycles, turn-ons, months.
+    """Compare records of one unit: cycles, turn-ons, months.
 
     Args:
         calibrations: In their order, or by their names.

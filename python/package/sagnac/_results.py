@@ -431,7 +431,7 @@ def _unpickled(text: str) -> Calibration:
 
 @dataclass(frozen=True)
 class Limit:
-    """A limit and what was held against it; ``met`` is ``None`` where it could not be asked."""
+    """A limit and its value; ``met`` is ``None`` where it could not be asked."""
 
     name: str
     bound: float
@@ -469,7 +469,7 @@ class Verification(_Result[VerifiedAxis]):
 
     @property
     def passed(self) -> bool:
-        """False where a limit is not met, and where limits were held against a log that the fit has seen."""
+        """False where a limit is not met, and where limits were checked with a log of the fit."""
         return bool(self._native.passed)
 
     @property
@@ -625,7 +625,7 @@ class ComparedAxis:
 
 
 class Comparison(_Result[ComparedAxis]):
-    """Records of one unit beside each other."""
+    """Records of one unit, compared."""
 
     def __init__(self, native: _sagnac.Comparison) -> None:
         self._native = native

@@ -249,7 +249,7 @@ def _text(value: object) -> str:
 
 
 def setup_of(setup: object, keys: Mapping[str, object], columns: Mapping[str, str] | None) -> tuple[str | None, str]:
-    """The path of a setup and keys beside it, as JSON."""
+    """The path of a setup and keys next to it, as JSON."""
     path: str | None = None
     whole: dict[str, object] = {}
     if isinstance(setup, (str, os.PathLike)):

@@ -78,7 +78,7 @@ fn completions(release: &Release, folder: &Path) -> Result<Vec<File>> {
     made.into_iter().collect()
 }
 
-/// Text of Debian's copyright file; the licence texts are installed beside it.
+/// Text of Debian's copyright file; the licence texts are installed next to it.
 fn copyright_text() -> Result<String> {
     let mit = fs::read_to_string(root().join("LICENSE-MIT"))?;
     let holder = mit.lines().find(|line| line.starts_with("Copyright")).context("LICENSE-MIT names no holder")?;

@@ -1,5 +1,7 @@
-//! The project's source as text: its packages, the modules of a crate, and the paths in a file.
+//! The project's source as text: its packages, the modules of a crate, the paths in a file, and the words of its sentences.
 
 pub(crate) mod modules;
 pub(crate) mod packages;
 pub(crate) mod paths;
+#[cfg(test)]
+mod words;

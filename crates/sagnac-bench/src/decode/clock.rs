@@ -1,19 +1,19 @@
-//! The gyro's clock beside the computer's.
+//! The gyro's clock next to the computer's.
 //!
 //! ```text
 //! Δ = arrival − time of the row        offset = least Δ of a minute (what came without delay)
 //! jitter = median of Δ − offset        drift = slope of the offsets, ppm
 //! ```
 //!
-//! A clock that begins anew (a gyro that was switched off and on) goes on from the row before by the time between the arrivals. A single time that
+//! A clock that begins again (a gyro that was switched off and on) goes on from the row before by the time between the arrivals. A single time that
 //! is out of order is a damaged row, and stays as it is; the reader of the log rejects it.
 
 use sagnac_units::s_from_ns;
 use serde::Serialize;
 
-/// Rows in a row that are behind before a clock counts as begun anew.
+/// Rows in a row that are behind before a clock counts as begun again.
 const BEHIND: u32 = 5;
-/// A clock that goes back by less has not begun anew, ns.
+/// A clock that goes back by less has not begun again, ns.
 const BACK_NS: i64 = 1_000_000_000;
 /// Time of an offset, ns.
 const MINUTE_NS: i64 = 60_000_000_000;
@@ -22,14 +22,14 @@ const MOST_OFFSETS: usize = 512;
 /// Drift is known after so many minutes.
 const LEAST_MINUTES: usize = 10;
 
-/// The gyro's clock beside the computer's.
+/// The gyro's clock next to the computer's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ClockReport {
     /// By how much rows arrive later than the quickest of their minute: the median, s. Values of instruments are aligned to within this.
     pub jitter_s: f64,
     /// How much faster the gyro's clock is, ppm; `None` before ten minutes.
     pub drift_ppm: Option<f64>,
-    /// How often it began anew.
+    /// How often it began again.
     pub restarts: u32,
 }
 
@@ -49,12 +49,12 @@ pub(crate) struct RowClock {
 }
 
 impl RowClock {
-    /// The next row may be of a clock that began anew.
+    /// The next row may be of a clock that began again.
     pub(crate) fn connected(&mut self) {
         self.is_new_connection = true;
     }
 
-    /// The time at which a row of this time counts; and whether the clock began anew with it.
+    /// The time at which a row of this time counts; and whether the clock began again with it.
     pub(crate) fn at(&mut self, time_ns: i64, arrival_ns: i64) -> (i64, bool) {
         let mut now_ns = time_ns.saturating_add(self.offset_ns);
         let mut anew = false;

@@ -1,6 +1,6 @@
 //! Frames of a gyro's serial line to rows (docs/reference/serial-line.md).
 //!
-//! A row is a frame: counts before the correction, which are the log, beside those that the target corrected, its status, and the codes of its loops.
+//! A row is a frame: counts before the correction, which are the log, next to those that the target corrected, its status, and the codes of its loops.
 //!
 //! A frame has the code that the slow update at its *beginning* read; the row of a log has what is known at its end. So a row waits for the next frame and
 //! gets its code: `compensate` on the log then makes of each row what the target made of it. Where no frame follows, the row has its own frame's code.

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! A row has the newest answer of each instrument that had arrived when the row's bytes arrived, as long as it is not older than three questions. Rows
-//! keep the times that the gyro gives them; where it gives none, or its clock begins anew, the time of arrival carries on ([`ClockReport`]).
+//! keep the times that the gyro gives them; where it gives none, or its clock begins again, the time of arrival carries on ([`ClockReport`]).
 
 mod clock;
 mod frames;
@@ -41,7 +41,7 @@ pub struct Decoder {
     rows: Rows,
     names: Vec<String>,
     place: BytePlace,
-    /// A replay has the clock of its log, which is none beside the computer's.
+    /// A replay has the clock of its log, which is none next to the computer's.
     has_clock: bool,
 }
 
@@ -167,7 +167,7 @@ impl Decoder {
         &self.rows.events
     }
 
-    /// The gyro's clock beside that of arrival.
+    /// The gyro's clock next to that of arrival.
     pub fn clock(&self) -> ClockReport {
         if !self.has_clock {
             return ClockReport::default();

@@ -217,7 +217,7 @@ impl Text {
                 let time_ns = fields.get(index).and_then(|field| parse_time_ns(field, places, comma));
                 let (counts_ns, anew) = time_ns.map_or((0, false), |time_ns| self.clock.at(time_ns, at_ns));
                 if anew {
-                    rows.say(at_ns, "the gyro's clock began anew: its times go on by arrival");
+                    rows.say(at_ns, "the gyro's clock began again: its times go on by arrival");
                 }
                 if self.clock.offset_ns() == 0 || time_ns.is_none() {
                     rows.row(fields.iter(), at_ns);

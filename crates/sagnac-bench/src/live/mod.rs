@@ -97,7 +97,7 @@ pub struct State {
     pub now: Now,
     /// What was recorded.
     pub counts: Counts,
-    /// The gyro's clock beside the computer's.
+    /// The gyro's clock next to the computer's.
     pub clock: ClockReport,
     /// What happened, newest last.
     pub events: Vec<Event>,

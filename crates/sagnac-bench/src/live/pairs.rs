@@ -1,4 +1,4 @@
-//! Thermometers of a gyro beside each other.
+//! Thermometers of a gyro next to each other.
 //!
 //! ```text
 //! T_i = a + b·T_j + c·Ṫ_j + d·⟨Ṫ_j⟩₅ + e·⟨Ṫ_j⟩₃₀       ⟨⟩ over the last 5 and 30 min; least squares over the minutes so far, without forgetting

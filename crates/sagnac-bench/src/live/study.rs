@@ -1,7 +1,7 @@
 //! The fit so far, and what it is worth.
 //!
 //! The windows are those that `calibrate` would make of the log, added to as rows come; the fit is the one of `calibrate`. Only a search for a model
-//! takes long, so it is made anew when the record has grown by a tenth, and in between the model found last is fitted.
+//! takes long, so it is made again when the record has grown by a tenth, and in between the model found last is fitted.
 
 use std::time::{Duration, Instant};
 
@@ -15,7 +15,7 @@ use serde::Serialize;
 
 /// A search is made when the record has grown by this part.
 const GROWN: f64 = 0.1;
-/// A test has told enough after this length of the record without a break, s.
+/// A test is complete after this length of the record without a break, s.
 const HELD_S: f64 = 1800.0;
 /// Temperatures of a curve.
 const CURVE: usize = 49;
@@ -83,11 +83,11 @@ pub struct Study {
     pub refused: Option<String>,
     /// The fit, axis by axis.
     pub axes: Vec<StudyAxis>,
-    /// Whether the test has told enough; `None` where no limits are asked.
+    /// Whether the test is complete; `None` without limits.
     pub enough: Option<Enough>,
     /// Letter and Allan deviations of each axis, drift over temperature included.
     pub allan: Vec<(char, Vec<DeviationAt>)>,
-    /// It has told enough for half an hour of the record without a break, and a search for the model confirms it.
+    /// It is complete for half an hour of the record without a break, and a search for the model confirms it.
     pub confirmed: bool,
 }
 
@@ -98,7 +98,7 @@ pub(crate) struct Studies {
     request: Option<EnoughRequest>,
     /// The model found last, where it is that of all axes, and the record's length then.
     found: Option<(Option<Model>, f64)>,
-    /// Length of the record since which it has told enough without a break, s.
+    /// Length of the record since which it is complete without a break, s.
     met_since_s: Option<f64>,
 }
 

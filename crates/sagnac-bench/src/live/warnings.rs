@@ -66,7 +66,7 @@ pub enum WarningKind {
     MissingRows,
     /// A running total is read as counts of a row, or a counter wraps.
     CounterWraps,
-    /// The chamber is not where it is told to be.
+    /// The chamber is not at its set temperature.
     ChamberNotFollowing,
     /// The temperature moves too far within a window.
     RampTooFast,

@@ -153,9 +153,9 @@
       put("verdict-text", "");
     } else if (!enough) {
       put("verdict-word", "Recording");
-      put("verdict-text", study.axes.length ? "No limits are asked (--limits), so the page cannot say whether the test has told enough." : (study.refused || ""));
+      put("verdict-text", study.axes.length ? "No limits are asked (--limits), so the page cannot tell whether the test is complete." : (study.refused || ""));
     } else {
-      put("verdict-word", enough.met ? "The test has told enough" : "The test has not told enough yet");
+      put("verdict-word", enough.met ? "The test is complete" : "Keep testing");
       const hours = enough.hours_to_go;
       const next = enough.axes.map((a) => a.next).find((n) => n);
       const to = next ? (Math.abs(next.from_c - next.to_c) < 0.5 ? `a soak at ${degrees(next.to_c)} °C` : `a ramp from ${degrees(next.from_c)} to ${degrees(next.to_c)} °C`) : "";

@@ -4,7 +4,7 @@
 //! Live ─▶ one teller: text, once for all ─▶ broadcast ─▶ a stream of events for each browser
 //! ```
 //!
-//! A browser that does not keep up loses events, is told so, and fetches the state anew: it holds up nobody. Everything that the page needs is in the
+//! A browser that does not keep up loses events, gets a notice, and fetches the state again: it holds up nobody. Everything that the page needs is in the
 //! program; it loads nothing from elsewhere, and what comes from a log is put in as text.
 //!
 //! **Who may look.** On a loopback address everybody on the computer; on another address only with the token, once in the URL and then in a cookie

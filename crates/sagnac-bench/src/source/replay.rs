@@ -1,4 +1,4 @@
-//! A log in place of a gyro, in its own time: `replay:LOG?speed=10`.
+//! A log instead of a gyro, in its own time: `replay:LOG?speed=10`.
 //!
 //! Any log that Sagnac reads becomes text again, row by row, at the times of its rows. Rows that the reader refuses are not sent; the rest of the
 //! bench cannot tell it from a gyro. A row is sent when its time has come; a gap in the log is a pause.

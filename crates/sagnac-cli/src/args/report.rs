@@ -28,7 +28,7 @@ impl ReportArgs {
         self.page.is_some() || self.figures.is_some()
     }
 
-    /// Checks what will be written beside the other files of the command; refuses what is no page.
+    /// Checks what will be written next to the other files of the command; refuses what is no page.
     pub(crate) fn check_with(&self, files: Files) -> Result<()> {
         files.writes(&self.page).makes(&self.figures).check()?;
         self.page.as_deref().map_or(Ok(()), refuse_other_endings)

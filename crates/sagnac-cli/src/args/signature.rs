@@ -89,7 +89,7 @@ pub(crate) fn public_key(path: &Path) -> Result<PublicKey> {
     })
 }
 
-/// The text of a key file, which has some 120 bytes.
+/// The text of a key file, which has about 120 bytes.
 fn pem(path: &Path) -> Result<String> {
     read_text(path, "read the key", 1 << 16)
 }

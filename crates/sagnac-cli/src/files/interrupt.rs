@@ -7,7 +7,7 @@ const INTERRUPTED: i32 = 130;
 
 type Handler = Box<dyn FnOnce() + Send>;
 
-/// What the first Ctrl-C does in place of ending the program.
+/// The action of the first Ctrl-C, instead of ending the program.
 static FIRST: Mutex<Option<Handler>> = Mutex::new(None);
 
 /// The first Ctrl-C does this; the next one ends the program.
@@ -20,7 +20,7 @@ pub(crate) fn first(act: impl FnOnce() + Send + 'static) {
 pub(crate) fn leave_nothing_behind() {
     // Without a handler the program ends as well; only a temporary file may then be left.
     //
-    // A file beyond the user's limit of sizes is an error of its write, and not the end of the program beside its temporary file.
+    // A file beyond the user's limit of sizes is an error of its write, and not the end of the program next to its temporary file.
     #[cfg(unix)]
     let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, std::sync::Arc::default());
     let _ = ctrlc::set_handler(|| {

@@ -1,4 +1,4 @@
-//! A folder or a pattern in place of logs, and one line of what it stands for.
+//! A folder or a pattern instead of logs, and one line of what it stands for.
 
 use std::path::{Path, PathBuf};
 

@@ -163,7 +163,7 @@ fn fitted(
     (width_of(&text) <= columns).then_some(text)
 }
 
-/// A cell whose values stay beside their uncertainties, percent signs and names.
+/// A cell whose values stay next to their uncertainties, percent signs and names.
 fn kept_together(cell: &str) -> String {
     let cell = cell.replace(" ± ", "\u{a0}±\u{a0}").replace(" %", "\u{a0}%");
     let mut before = ' ';

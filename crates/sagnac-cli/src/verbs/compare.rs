@@ -1,4 +1,4 @@
-//! `sagnac compare`: compares calibrations of one unit, and holds what changed against limits.
+//! `sagnac compare`: compares calibrations of one unit, and checks the changes against limits.
 
 use std::path::PathBuf;
 

@@ -304,7 +304,7 @@ fn behind_blank(header: &str) -> Option<&str> {
     (last.chars().count() > 1).then_some(last)
 }
 
-/// What a log has once: a role, or the time as a number in whatever unit. Dates may stand beside such a time.
+/// What a log has once: a role, or the time as a number in whatever unit. Dates may stand next to such a time.
 fn kind_of(role: &str) -> String {
     if role.starts_with("time_") { "time_".to_owned() } else { role.to_owned() }
 }
@@ -389,7 +389,7 @@ fn rate(column: &SampleColumn, unit: Option<&str>, words: &[String], axis: &str)
     let mut sizes: Vec<f64> = column.numbers().iter().map(|rate| rate.abs()).collect();
     sizes.sort_by(f64::total_cmp);
     let middle = sizes[sizes.len() / 2];
-    // At rest a gyro sees the Earth at most: 15 °/h, 0.0042 °/s or 73 µrad/s, beside its own bias.
+    // At rest a gyro sees the Earth at most: 15 °/h, 0.0042 °/s or 73 µrad/s, with its own bias.
     let ending = match middle {
         middle if middle < 1e-3 => "radps",
         middle if middle < 1.0 => "dps",

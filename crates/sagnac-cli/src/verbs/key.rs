@@ -31,7 +31,7 @@ pub(crate) struct Args {
 
 #[derive(Subcommand)]
 enum Action {
-    /// Make a private key, readable by its owner alone, and its public key beside it
+    /// Make a private key, readable by its owner alone, and its public key next to it
     New {
         /// Private key to write; the public one gets the ending .pub
         #[arg(short, long, value_name = "FILE")]

@@ -219,7 +219,7 @@ fn flown(flight: &PositionError) -> String {
     let metres = |e: Estimate| with_sigma(e.value, Some(e.sigma));
     let noise = flight.noise_m.map_or("not known".to_owned(), |m| format!("{} m (σ)", significant(m, 3)));
     format!(
-        "  flight of {:.0} min: position error by drift {} m before, {} m after ({} m at most on the way, {} m with two of its σ); angle random walk beside it: {noise}",
+        "  flight of {:.0} min: position error by drift {} m before, {} m after ({} m at most on the way, {} m with two of its σ); angle random walk next to it: {noise}",
         flight.minutes,
         metres(flight.before_m),
         metres(flight.after_m),

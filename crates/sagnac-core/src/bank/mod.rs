@@ -16,7 +16,7 @@
 //! image with which the board does not live long enough to be confirmed goes by itself. Call [`Banks::start`] at power-on; it counts.
 //!
 //! A store refuses an image whose own sequence number is not above that of the active one, so an old file cannot return by mistake. Use
-//! [`Banks::roll_back`] to go back. A withdrawn image stays withdrawn, even if the older image is damaged later: the note is beside
+//! [`Banks::roll_back`] to go back. A withdrawn image stays withdrawn, even if the older image is damaged later: the note is next to
 //! that image, in four copies, and no erase of the withdrawn bank can remove it. `docs/reference/image-format.md` has the bytes.
 //!
 //! Limits: if both banks are damaged at once the factory defaults run, and [`Loaded::origin`] says so. A damaged commit word looks like

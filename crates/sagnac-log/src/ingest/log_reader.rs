@@ -188,7 +188,7 @@ impl LogReader {
     }
 
     /// Goes on from the end of another file, before the first batch is read: true where the clock restarts and the running total of
-    /// the first row goes on within what one interval can bring. A total near zero is no evidence, for a counter that began anew stands
+    /// the first row goes on within what one interval can bring. A total near zero is no evidence, for a counter that began again stands
     /// there as well; `sure` goes on all the same.
     ///
     /// # Errors
@@ -205,7 +205,7 @@ impl LogReader {
         Ok(self.offset_ns.is_some())
     }
 
-    /// Leaves the sketch of the rows out of the summary: for results that no other log is held against.
+    /// Leaves the sketch of the rows out of the summary: for results that no other log is compared with.
     pub fn without_sketch(mut self) -> Self {
         self.sketch = None;
         self

@@ -389,7 +389,7 @@ impl Setup {
         for (name, value) in
             self.noise.iter().flat_map(|n| [("noise.n_deg_rt_h", n.n_deg_rt_h), ("noise.q_arcsec", n.q_arcsec)])
         {
-            // Zero stands for none; the quietest ring lasers have some 1e-8 °/√h.
+            // Zero stands for none; the quietest ring lasers have about 1e-8 °/√h.
             in_range(name, Some(value).filter(|value| *value != 0.0), 1e-12, 1e4)?;
         }
         if self.noise.is_some_and(|n| n.n_deg_rt_h == 0.0 && n.q_arcsec == 0.0) {

@@ -73,7 +73,7 @@ impl Drop for Unfinished {
     }
 }
 
-/// Writes a file atomically: temporary file beside it, fsync, rename. Even after a failure the path holds
+/// Writes a file atomically: temporary file next to it, fsync, rename. Even after a failure the path holds
 /// the old file or the new one. A symbolic link is followed; a device or pipe is written to directly.
 ///
 /// # Errors

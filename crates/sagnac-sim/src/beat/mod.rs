@@ -60,7 +60,7 @@ pub struct Beat {
     pickoff_noise_arcsec: f64,
 }
 
-/// Phase beside the part known in closed form, by model.
+/// Phase without the part known in closed form, by model.
 #[derive(Clone, Debug)]
 enum Light {
     /// χ, rad.
@@ -216,7 +216,7 @@ impl Beat {
         state.fringes as f64 + (state.turned + state.chi()) / TAU
     }
 
-    /// Phase beside the whole fringes of the input, fringes.
+    /// Phase without the whole fringes of the input, fringes.
     fn fraction(&self, state: &BeatState) -> f64 {
         (state.turned + self.k * state.swing.angle_arcsec() + state.chi()) / TAU
     }

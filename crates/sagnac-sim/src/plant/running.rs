@@ -131,7 +131,7 @@ impl LoopDesign {
     pub(crate) fn tick(&self, state: &mut LoopState, now: &TickConditions, sums: &mut LoopAverages) {
         let plant = &self.plant;
         let waves_per_code = plant.waves_per_unit / plant.codes_per_unit;
-        // Actuator. The modulation goes through it, or through a fast element beside it.
+        // Actuator. The modulation goes through it, or through a fast element next to it.
         let modulation = f64::from(state.modulation_code);
         let (through, beside) = if plant.modulated_apart { (0.0, modulation) } else { (modulation, 0.0) };
         let target = (f64::from(state.actuator_code) + now.injected[0] + through) * waves_per_code;

@@ -180,7 +180,7 @@ struct State {
     bystander: f64,
 }
 
-/// What a row shows beside the state.
+/// Values of a row next to the state.
 struct SecondRow {
     readings_c: [f64; 2],
     counts: f64,

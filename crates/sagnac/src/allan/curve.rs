@@ -69,7 +69,7 @@ pub fn read_curve(path: &Path) -> Result<(Vec<BareCurve>, LogFile)> {
     Ok((curves, LogFile { file: file_name(&name), sha256: hex(&sha256(&bytes)), rows, rows_sketch: String::new() }))
 }
 
-/// Deviations of a curve, °/h: the largest is some 3·10⁶ °/s, and no gyro of this world is as quiet as the least.
+/// Deviations of a curve, °/h: the largest is about 3·10⁶ °/s, and no gyro of this world is as quiet as the least.
 const DEVIATIONS_DPH: RangeInclusive<f64> = 1e-15..=1e10;
 /// τ of a curve, s.
 const TAUS_S: RangeInclusive<f64> = 1e-12..=1e15;

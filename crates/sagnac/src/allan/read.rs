@@ -49,7 +49,7 @@ const EXACT_ROW_BYTES: usize = 32;
 
 /// Reads logs, each as one or more unbroken stretches, into a noise budget.
 ///
-/// With `again` (the same logs, opened anew) the drift over temperature is removed first.
+/// With `again` (the same logs, opened again) the drift over temperature is removed first.
 ///
 /// # Errors
 /// Errors of reading; logs of different shape; `all` τ of a long record; a temperature whose drift cannot be removed.
@@ -137,7 +137,7 @@ impl NoiseSoFar {
 }
 
 /// Scatter beyond chance, as a part of σ, from which on it is said. Less is in the intervals all the same. Curves of other programs, whose
-/// differences do not overlap, scatter by some 5 % more than ours: a warning for each of them would say nothing. Of 200 records of the five
+/// differences do not overlap, scatter by about 5 % more than ours: a warning for each of them would say nothing. Of 200 records of the five
 /// terms alone, half of them as such curves, fewer than 5 % are warned of.
 const SCATTER_SAID: f64 = 0.1;
 

@@ -36,7 +36,7 @@ impl AxisCalibration {
         })
     }
 
-    /// What models beside this one, and what moved together with temperature, add to the variance of the curve.
+    /// What models next to this one, and what moved together with temperature, add to the variance of the curve.
     pub(crate) fn spread_variance(&self, celsius: f64) -> f64 {
         let Some(fit) = &self.fit else { return 0.0 };
         let together = fit.entanglement.iter().filter_map(|entanglement| entanglement.spread.as_ref());

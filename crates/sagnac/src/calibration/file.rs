@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::calibration::{Calibration, FORMAT, MINOR_VERSION, VERSION};
 
-/// Longest record: of a thousand logs it has some 2 MB. As many bytes of empty lists take 546 MB to be refused, within the memory budget.
+/// Longest record: of a thousand logs it has about 2 MB. As many bytes of empty lists take 546 MB to be refused, within the memory budget.
 const MOST_BYTES: u64 = 16 << 20;
 
 /// No quantity of a record is beyond this, in any unit: a drift of 10⁵ °/s in °/h is 4·10⁸, a variance its square. Larger numbers are

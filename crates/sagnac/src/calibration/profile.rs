@@ -1,4 +1,4 @@
-//! What the profile of a test adds to a calibration: effects of time beside those of temperature, and what it cannot separate.
+//! What the profile of a test adds to a calibration: effects of time next to those of temperature, and what it cannot separate.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

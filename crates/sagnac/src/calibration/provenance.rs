@@ -50,7 +50,7 @@ impl LogFile {
         }
     }
 
-    /// Without the hashes of its rows: for results, which nothing is held against later.
+    /// Without the hashes of its rows: for results, which nothing is compared with later.
     pub(crate) fn named(self) -> Self {
         Self { rows_sketch: String::new(), ..self }
     }

@@ -14,7 +14,7 @@ use sagnac_units::format::{celsius, significant};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct Change {
-    /// Record, from 1: the first is what the others are held against.
+    /// Record, from 1: the others are compared with the first.
     pub record: usize,
     /// `model`, `setup`, `data` or `program`.
     pub kind: String,

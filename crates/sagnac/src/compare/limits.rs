@@ -1,4 +1,4 @@
-//! What a comparison is held against: the limits of a retest that are of a change between records.
+//! The limits of a comparison: those of a retest that are of a change between records.
 //!
 //! ```text
 //! bias            b_i = mean over the runs of record i of (run offset − input rate), at T0          d_ij = b_i − b_j

@@ -231,13 +231,13 @@ pub struct Comparison {
     /// Axes that some records have and others do not.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub untested_axes: Vec<char>,
-    /// The limits that they were held against; null without.
+    /// The limits of the comparison; null without.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSource>,
 }
 
 impl Comparison {
-    /// False when a limit is not met or none is asked, or where limits were held against records of one log or of different axes.
+    /// False when a limit is not met or none is asked, or where limits were checked with records of one log or of different axes.
     pub fn passed(&self) -> bool {
         let sound = self.shared_logs.is_empty() && self.untested_axes.is_empty();
         self.limits.is_none() || sound && self.axes.iter().all(|axis| axis.pass == Some(true))

@@ -35,7 +35,7 @@ pub struct WindowPoint {
     pub length_h: f64,
     /// Mean temperature, °C; NaN where unknown.
     pub temperature_c: f64,
-    /// Its rate from the windows beside it, °C/min; NaN without time or temperature.
+    /// Its rate from the windows next to it, °C/min; NaN without time or temperature.
     pub rate_cpm: f64,
     /// As logged, about the run's own constant, °/h.
     pub before_dph: f64,
@@ -169,7 +169,7 @@ pub(crate) fn points(
     (0..windows.len()).map(one).collect()
 }
 
-/// From the mean temperatures of the windows beside it.
+/// From the mean temperatures of the windows next to it.
 fn rate_cpm(windows: &Windows, sensor: usize, i: usize) -> f64 {
     let rows = &windows.rows;
     let beside = |j: usize| (rows.run.get(j) == Some(&rows.run[i])).then_some(j);

@@ -3,7 +3,7 @@
 //! ```text
 //! Windows ─▶ problem (one axis as rows and columns) ─▶ selection (which model, in cross-validation and by grades) ─▶ one_model (its lags,
 //!            coefficients, covariance) ─▶ uncertainty (what selection and test design add) ─▶ record (AxisCalibration)
-//! prior:     in place of selection and one_model for a unit whose fleet says something
+//! prior:     instead of selection and one_model for a unit whose fleet says something
 //! ```
 //!
 //! `docs/explanation/method.md` describes the method; the equation of each step is in its module.

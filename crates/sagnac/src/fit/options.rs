@@ -56,7 +56,7 @@ impl FitOptions {
         Self { model, source_date_epoch: None, corrects_warm_up: false, prior: None, progress }
     }
 
-    /// With the time of SOURCE_DATE_EPOCH in place of that of the newest input sample.
+    /// With the time of SOURCE_DATE_EPOCH instead of that of the newest input sample.
     #[must_use]
     pub fn source_date_epoch(self, epoch_s: Option<i64>) -> Self {
         Self { source_date_epoch: epoch_s, ..self }
@@ -74,7 +74,7 @@ impl FitOptions {
         Self { prior, ..self }
     }
 
-    /// With somebody who is told what the fit is doing.
+    /// With a listener to the progress of the fit.
     #[must_use]
     pub fn progress(self, progress: Progress) -> Self {
         Self { progress, ..self }

@@ -8,7 +8,7 @@
 //!
 //! Each rule fires by chance as well; of independent normal values this often at a point, in closed form: 0.0027, 0.0021, 0.0045, 0.0078.
 //! All four together run 92 points to a false signal, the EWMA 500 (Champ and Woodall 1987; Lucas and Saccucci 1990; held by the tests). So
-//! a count of signals stands beside the count that chance makes.
+//! a count of signals stands next to the count that chance makes.
 //!
 //! Fails where neighbours are alike for a good reason, such as three axes of one unit, or where no order of time is known.
 

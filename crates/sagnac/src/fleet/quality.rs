@@ -6,12 +6,12 @@
 //! ```
 //!
 //! (σ of Cpk: Bissell, "How reliable is your capability index?", Applied Statistics 39, 1990.) Values further than 3 σ from the median of
-//! their lot count as 3 σ in a rig effect, so that one odd unit does not make a rig odd. Rigs are compared in lots that several tested:
+//! their lot count as 3 σ in a rig effect, so that one outlier does not make a rig odd. Rigs are compared in lots that several tested:
 //! a rig that tested a lot alone cannot be told from the lot, and is not compared there. The rig that is furthest off is reported first, and
 //! the others are compared without it. An effect is reported at a probability of 0.01 of
 //! any false one in the whole report (Bonferroni).
 //!
-//! Fails for a Cpk of values that are not normal: the part that did not meet the limit stands beside it.
+//! Fails for a Cpk of values that are not normal: the part that did not meet the limit stands next to it.
 
 use std::collections::BTreeMap;
 
@@ -63,7 +63,7 @@ pub struct Yield {
     pub units: usize,
     /// With a record.
     pub calibrated: usize,
-    /// With a retest held against limits.
+    /// With a retest checked against limits.
     pub judged: usize,
     /// That met them.
     pub met: usize,
@@ -121,7 +121,7 @@ pub struct Capability {
     pub limit: String,
     /// The bound.
     pub bound: f64,
-    /// Axes that were held against it.
+    /// Axes that were checked against it.
     pub asked: usize,
     /// Those whose value is known.
     pub n: usize,
@@ -283,7 +283,7 @@ fn rig_effects(name: &str, unit: &str, values: &[AxisValue<'_>], probability: f6
     (compared, effects)
 }
 
-/// A rig beside the others of its lots.
+/// A rig next to the others of its lots.
 struct ComparedRig<'a> {
     rig: &'a str,
     difference: f64,
@@ -498,7 +498,7 @@ mod tests {
         }
     }
 
-    /// Yields by lot, refusals counted without their numbers, odd units first.
+    /// Yields by lot, refusals counted without their numbers, outliers first.
     #[test]
     fn what_a_fleet_is_made_of() {
         let mut draws = Draws(25);

@@ -1,6 +1,6 @@
 //! What is done with each unit, in a form that another machine can be sent.
 //!
-//! A recipe is all that a result depends on beside the unit's own logs: so a unit's record has the same bytes wherever it is made. What a
+//! A recipe is all that a result depends on next to the unit's own logs: so a unit's record has the same bytes wherever it is made. What a
 //! run may take of memory is a fact of the machine and not part of it.
 
 use serde::{Deserialize, Serialize};
@@ -24,7 +24,7 @@ pub struct Recipe {
     pub source_date_epoch: Option<i64>,
     /// What is known of the units before their tests.
     pub prior: Option<PriorFile>,
-    /// What a retest is held against.
+    /// The limits of a retest.
     pub limits: Option<Limits>,
 }
 
@@ -47,7 +47,7 @@ impl Recipe {
         Self { setup, model, source_date_epoch: None, prior: None, limits: None }
     }
 
-    /// With the time of SOURCE_DATE_EPOCH in place of that of the newest input sample.
+    /// With the time of SOURCE_DATE_EPOCH instead of that of the newest input sample.
     #[must_use]
     pub fn source_date_epoch(self, source_date_epoch: Option<i64>) -> Self {
         Self { source_date_epoch, ..self }

@@ -189,11 +189,11 @@ pub struct AxisResult {
     pub retest_before_dph: Option<f64>,
     /// And after it.
     pub retest_after_dph: Option<f64>,
-    /// Limits that the retest was held against.
+    /// Limits of the retest.
     pub limits: Vec<LimitResult>,
 }
 
-/// A limit and the value that was held against it.
+/// A limit and the value checked against it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 pub struct LimitResult {

@@ -22,7 +22,7 @@ pub fn work_of(model: &ModelSpec, inputs: usize) -> Work {
     Work { inputs: inputs as u32, lags: model.lags() as u32, terms: terms as u32, shapes }
 }
 
-/// With a warm-up beside it: an input, its lag, its term.
+/// With a warm-up next to it: an input, its lag, its term.
 pub(crate) fn with_warm_up(work: Work) -> Work {
     Work { inputs: work.inputs + 1, lags: work.lags + 1, terms: work.terms + 1, ..work }
 }

@@ -367,7 +367,7 @@ fn square_above(x: f64, knot: f64) -> f64 {
     ((x - knot).max(0.0) / (1.0 - knot)).powi(2)
 }
 
-/// Part of a window that a stepped input spends above a threshold, from its mean between the two levels beside it.
+/// Part of a window that a stepped input spends above a threshold, from its mean between the two levels next to it.
 fn part_above(threshold: f64, mean: f64, levels: &[f64]) -> f64 {
     let above = levels.partition_point(|level| *level < threshold);
     match (above.checked_sub(1).and_then(|at| levels.get(at)), levels.get(above)) {

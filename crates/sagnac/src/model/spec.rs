@@ -40,7 +40,7 @@ pub struct InputTerms {
     pub bias: u8,
     /// Order of the series that multiplies its rate; `None`: no rate term, `Some(0)`: c₀ alone.
     pub rate: Option<u8>,
-    /// The same behind a second, slower lag; only beside a `rate`.
+    /// The same behind a second, slower lag; only next to a `rate`.
     pub slow_rate: Option<u8>,
     /// Order of the scale-factor series; 0: none.
     pub scale: u8,

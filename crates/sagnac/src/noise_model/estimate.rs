@@ -44,7 +44,7 @@ impl NoiseEstimate {
 /// The noise by `criterion`, −2·ln of the restricted likelihood.
 pub(crate) fn estimate(nominal_s: f64, criterion: impl Fn(SlowNoise) -> f64 + Sync) -> NoiseEstimate {
     let better = |a: (SlowNoise, f64), b: (SlowNoise, f64), gain: f64| if b.1 < a.1 - gain { b } else { a };
-    // The best of each process beside what is there already, all at a time.
+    // The best of each process next to what is there already, all at a time.
     let best_of_each = |base: SlowNoise, processes: &[Process]| -> Vec<(SlowNoise, f64)> {
         let best_of = |process: &Process| {
             let with = |log: f64| process.of_variance(base, log.exp());

@@ -1,5 +1,5 @@
 //! The minimum of a function of one variable: parabolas through its lowest points, golden sections where these do not help (Brent 1973,
-//! chapter 5). Smooth functions take some eight evaluations where golden sections alone took twenty-six.
+//! chapter 5). Smooth functions take about eight evaluations where golden sections alone took twenty-six.
 //!
 //! Fails where there is more than one valley: it ends in one of them. Callers bracket the lowest place of a grid.
 

@@ -68,7 +68,7 @@ impl SlowNoise {
         self.flicker.max(self.walk_per_h).max(self.markov.map_or(0.0, |(variance, _)| variance))
     }
 
-    /// As a setup states it beside a white variance, (°/h)²; `None` where it states neither B nor K.
+    /// As a setup states it with a white variance, (°/h)²; `None` where it states neither B nor K.
     pub(crate) fn stated(noise: Noise, white_variance: f64) -> Option<Self> {
         if noise.b_dph.is_none() && noise.k_dph_rt_h.is_none() {
             return None;

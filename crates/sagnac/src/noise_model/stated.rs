@@ -26,7 +26,7 @@ pub(crate) fn noise_floor_of(windows: &Windows, axis: usize, setup: &Setup) -> O
     Some(NoiseFloor { value_dph, n_deg_rt_h: terms.n_deg_rt_h(), q_arcsec: terms.q_arcsec, source: source.to_owned() })
 }
 
-/// The slow noise that a setup states, and the white variance of a nominal window beside it, (°/h)².
+/// The slow noise that a setup states, and the white variance of a nominal window next to it, (°/h)².
 pub(crate) fn stated_noise(windows: &Windows, axis: usize, setup: &Setup) -> Option<(SlowNoise, f64)> {
     let white = noise_floor_of(windows, axis, setup)?.value_dph.powi(2);
     Some((SlowNoise::stated(setup.noise?, white)?, white))

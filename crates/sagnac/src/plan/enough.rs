@@ -1,4 +1,4 @@
-//! Whether a test that runs has told enough, and what it should do next.
+//! Whether a running test is complete, and its next step.
 //!
 //! ```text
 //! Cov θ of the fit so far ─▶ error of the correction ─▶ P(within a share of every limit)      as for a planned test
@@ -7,7 +7,7 @@
 //! ```
 //!
 //! The step of the largest I − I' per hour is the next one: I-optimal, one step at a time. Hours to go repeat it until the probability is reached.
-//! The test has told enough when that probability is reached on every axis and nothing below is open: the temperatures asked for were reached, heating
+//! The test is complete when that probability is reached on every axis and nothing below is open: the temperatures asked for were reached, heating
 //! and cooling can be compared, temperature did not move together with time or its rate, the held-out residual beyond the noise floor is
 //! within its limit, what the model misses of the residual over temperature, sweep by sweep, is within the share of its limit (the covariance takes the
 //! model for granted, this does not), and each temperature was passed often enough for a change from one cycle to the next to show.
@@ -94,7 +94,7 @@ impl NextStep {
     }
 }
 
-/// What an axis has told so far.
+/// The result of an axis so far.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct EnoughAxis {
@@ -112,7 +112,7 @@ pub struct EnoughAxis {
     pub hours_to_go: Option<f64>,
 }
 
-/// What a test has told so far.
+/// The result of a test so far.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
 pub struct Enough {

@@ -1,4 +1,4 @@
-//! Thermal tests as a chamber is told them, and the log that the mean unit of a fleet would have of one.
+//! Thermal tests as steps for a chamber, and the log that the mean unit of a fleet would have of one.
 
 use std::fmt::Write as _;
 
@@ -82,7 +82,7 @@ pub(super) fn candidates(
     plateaus: &[usize],
     hours_max: f64,
 ) -> Vec<Profile> {
-    // A chamber is told whole degrees.
+    // A chamber gets whole degrees.
     let [lo, hi] = prior.span_c.map(f64::round);
     let (start, middle) = (chamber.start_c, |end: f64| ((chamber.start_c + end) / 2.0).round());
     let routes = [

@@ -1,4 +1,4 @@
-//! What a test promises: the error that its correction will have, held against the limits that it decides.
+//! What a test promises: the error that its correction will have, checked against the limits that it decides.
 //!
 //! ```text
 //! δ(T) = f(T)ᵀ(θ̂ − θ),   ρ(T) = ∂δ/∂Ṫ         (δ, ρ) at twelve temperatures ~ N(0, W·Cov θ·Wᵀ), drawn
@@ -80,7 +80,7 @@ impl Promise {
         weights.extend(celsius.iter().map(|c| axis.rate_weights(*c)));
         let n = weights.len();
         let mut covariance = DMatrix::from_fn(n, n, |i, j| axis.covariance_between(&weights[i], &weights[j]));
-        // Models beside the selected one have other curves.
+        // Models next to the selected one have other curves.
         for (at, celsius) in celsius.iter().enumerate() {
             covariance[(at, at)] += axis.spread_variance(*celsius);
         }

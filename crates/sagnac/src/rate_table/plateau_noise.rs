@@ -72,7 +72,7 @@ impl PlateauNoise {
         Some(self.white.max(solution.ssr / degrees as f64))
     }
 
-    /// σ of a sum over the windows, each with its part, beside a white variance of a window.
+    /// σ of a sum over the windows, each with its part, with a white variance of a window.
     pub(crate) fn sigma(&self, windows: &[TurnedWindow], parts: &DVector<f64>, variance: f64) -> f64 {
         let column = DMatrix::from_column_slice(parts.len(), 1, parts.as_slice());
         let of_white = self.slow.between(self.rows(windows).view(), &column)[(0, 0)];
@@ -118,7 +118,7 @@ fn level_columns(windows: &[TurnedWindow], levels: &[usize], rows: usize) -> DMa
 mod tests {
     use super::*;
 
-    /// Two plateaus of 4,000 windows of 1 s, two rates in turn; only the second has a random walk beside its white noise.
+    /// Two plateaus of 4,000 windows of 1 s, two rates in turn; only the second has a random walk next to its white noise.
     #[test]
     fn slow_noise_of_a_later_plateau_is_seen_in_short_windows() {
         let mut state = 1_u64;
@@ -141,7 +141,7 @@ mod tests {
         let levels = [(); 2].map(|()| (0..4000).map(|at| at / 100 % 2).collect());
         let noise = PlateauNoise::of(&plateaus, &levels, KnownNoise { stated: None, nominal_s: Some(1.0) });
         assert!((0.8..1.3).contains(&noise.white), "{}", noise.white);
-        // Of 2,000 windows each at two rates, beside the 1/√2000 of white noise alone.
+        // Of 2,000 windows each at two rates, next to the 1/√2000 of white noise alone.
         let parts = DVector::from_fn(4000, |at, _| if (at / 100).is_multiple_of(2) { 1.0 } else { -1.0 } / 2000.0);
         let sigma = noise.sigma(&plateaus[1], &parts, noise.white);
         assert!(sigma > 1.5 * (2.0 / 2000.0_f64).sqrt(), "{sigma}");

@@ -23,10 +23,10 @@ impl TurnedWindow {
     }
 }
 
-/// What is known of the windows' noise beside their own scatter.
+/// What is known of the windows' noise next to their own scatter.
 #[derive(Clone, Copy)]
 pub(crate) struct KnownNoise {
-    /// As a setup states it, beside a white variance, (°/h)².
+    /// As a setup states it, with a white variance, (°/h)².
     pub(crate) stated: Option<(SlowNoise, f64)>,
     /// Nominal length of a window, s; `None` for rows without time.
     pub(crate) nominal_s: Option<f64>,

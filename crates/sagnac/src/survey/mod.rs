@@ -65,7 +65,7 @@ impl GoodFor {
         match self {
             Self::Calibration => "good for calibration",
             Self::Noise => "good for noise only",
-            Self::Nothing => "good for nothing",
+            Self::Nothing => "not usable",
         }
     }
 }

@@ -105,7 +105,7 @@ pub struct AxisVerification {
     pub improvement_sigma: Option<f64>,
     /// Diagnostics of the residual.
     pub residual_diagnostics: ResidualDiagnostics,
-    /// Temperatures of the retest beside those of the fit; null without a temperature.
+    /// Temperatures of the retest next to those of the fit; null without a temperature.
     pub coverage: Option<Coverage>,
     /// A rate table turned the gyro.
     #[serde(default)]
@@ -113,7 +113,7 @@ pub struct AxisVerification {
     /// It turned it about this axis.
     #[serde(default)]
     pub turned_about: bool,
-    /// What is left, value by value.
+    /// The residual, value by value.
     pub residual: RetestResidual,
     /// What a stated flight comes to; null without one, or where the retest does not tell it.
     pub flight: Option<PositionError>,
@@ -191,7 +191,7 @@ pub struct Verification {
     pub image_sha256: String,
     /// SHA-256 of the record that the images were made from, by the images.
     pub record_sha256: String,
-    /// What it was held against, if limits were given.
+    /// Its limits, if any were given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub limits: Option<LimitsSource>,
     /// The retest logs.
@@ -213,7 +213,7 @@ impl Verification {
         !self.training_unknown && self.training_overlap.is_empty()
     }
 
-    /// False when a limit is not met, or where limits were held against a log that the fit has seen.
+    /// False when a limit is not met, or where limits were checked with a log of the fit.
     pub fn passed(&self) -> bool {
         let judged = self.axes.iter().any(|axis| axis.pass.is_some());
         let sound = self.training_overlap.is_empty() && self.untested_axes.is_empty();

@@ -1,7 +1,7 @@
 //! The log summed into analysis windows: all that fits, folds and reports ever see.
 //!
 //! A window is 100 s unless told, aligned to the start of its run, and ends early at a gap or when a
-//! temperature has moved by more than 2 °C within it. Beside the windows stands one temperature
+//! temperature has moved by more than 2 °C within it. Next to the windows stands one temperature
 //! track per run and thermometer on the grid of the target's temperature period, so that the lag
 //! filter can be run for any τ without the log.
 

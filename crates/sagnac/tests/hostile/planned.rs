@@ -1,4 +1,4 @@
-//! A planned test with a prior beside the full one without, on many units, each held against an independent retest.
+//! A planned test with a prior next to the full one without, on many units, each checked against an independent retest.
 
 use std::sync::OnceLock;
 

@@ -1,4 +1,4 @@
-//! Tests that end when they have told enough, beside the full ones, each held against an independent retest.
+//! Tests that end when they are complete, next to the full ones, each checked against an independent retest.
 
 use rayon::prelude::*;
 use sagnac::Limits;
@@ -94,7 +94,7 @@ fn log(drift: &dyn Fn(Now) -> f64, seed: u64, noise: [f64; 2]) -> Rows<3> {
     bench.log()
 }
 
-/// The calibration of a test that ends when it has told enough, with its hours; and that of the full one.
+/// The calibration of a test that ends when it is complete, with its hours; and that of the full one.
 fn tested(log: &Rows<3>, request: &EnoughRequest) -> (Option<(f64, Calibration)>, Calibration) {
     let setup = Bench::setup();
     let fit = |windows| calibrate_with_report_data(windows, &setup, &FitOptions::new(Model::Auto));

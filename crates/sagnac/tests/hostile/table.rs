@@ -53,7 +53,7 @@ pub(crate) struct Table {
     pub(crate) error_dph: fn(Row) -> f64,
     /// Deviation of S from its nominal value, ppm.
     pub(crate) scale_ppm: f64,
-    /// Deviation of S over temperature beside that of every gyro here: ppm at 70 °C, straight, zero at 15 °C.
+    /// Deviation of S over temperature next to that of every gyro here: ppm at 70 °C, straight, zero at 15 °C.
     pub(crate) over_temperature_ppm: f64,
     /// S while cooling less S while heating, ppm.
     pub(crate) hysteresis_ppm: f64,

@@ -197,7 +197,7 @@ fn harmonic() {
 #[test]
 #[ignore = "takes minutes"]
 fn curves_beyond_every_model() {
-    // A kink 26 °C below the reference, one beside it, a curve that saturates, a bump.
+    // A kink 26 °C below the reference, one next to it, a curve that saturates, a bump.
     let truths: [(&str, Truth, &str); 4] = [
         ("a kink at 0 °C", |now| 0.1 * (now.celsius / 55.0).max(0.0), "≥ 0.88"),
         (

@@ -245,7 +245,7 @@ pub(super) fn compensator_lags() -> Result<Making> {
     Ok(making)
 }
 
-/// A warm-up beside a thermometer and a repeat of it: from power-on, over many updates without a sample, and after a change of the
+/// A warm-up next to a thermometer and a repeat of it: from power-on, over many updates without a sample, and after a change of the
 /// image, when it is over.
 pub(super) fn compensator_warm_up() -> Result<Making> {
     use Kind::{Bias, Scale};
@@ -292,7 +292,7 @@ pub(super) fn compensator_warm_up() -> Result<Making> {
         ],
     );
     let about =
-        "compensator: two warm-ups beside a thermometer and its repeat, from power-on and after a change of the image";
+        "compensator: two warm-ups next to a thermometer and its repeat, from power-on and after a change of the image";
     let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
     for update in 0..1000_u32 {
         let dice = update.wrapping_mul(2_654_435_761) >> 8;
@@ -345,7 +345,7 @@ pub(super) fn compensator_harmonic() -> Result<Making> {
     let mut making = Making::new(Module::Compensator, image_bytes(d)?, about)?;
     for update in 0..1200_u32 {
         let dice = update.wrapping_mul(2_654_435_761) >> 8;
-        // -38 ... 68 degC and back; every tenth code is an end of a span, a quarter of it, or a code beside one of them.
+        // -38 ... 68 degC and back; every tenth code is an end of a span, a quarter of it, or a code next to one of them.
         let up = i64::from(update.min(1200 - update));
         let along = (-38_i64 << 24) + (up * (106 << 24)) / 600 + i64::from(dice % (1 << 19));
         let quarter =

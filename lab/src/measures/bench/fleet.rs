@@ -1,4 +1,4 @@
-//! A fleet: beside a shell loop of the program, beside DuckDB's bare window sums, and memory over units.
+//! A fleet: next to a shell loop of the program, next to DuckDB's bare window sums, and memory over units.
 
 use std::fmt::Write as _;
 use std::fs;
@@ -191,7 +191,7 @@ pub(super) fn by_duckdb(bench: &Bench, listed: &Path) -> Result<Vec<String>> {
     Ok([bench.python.clone(), sums.display().to_string(), listed.display().to_string()].into())
 }
 
-/// One executor on one core, and one, two and four slots in two executors on two, beside the loop on the same cores.
+/// One executor on one core, and one, two and four slots in two executors on two, next to the loop on the same cores.
 fn on_clusters(bench: &Bench, folder: &str, loops: &[Vec<String>; 2]) -> Result<Vec<Cluster>> {
     let program = cluster_program()?;
     let mut measured = Vec::new();

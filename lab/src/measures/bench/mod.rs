@@ -201,7 +201,7 @@ impl Bench {
         [self.python.clone(), self.file(script).display().to_string(), log.display().to_string()].into()
     }
 
-    /// Beside what others read CSV with, each in pairs of the same run.
+    /// Next to what others read CSV with, each in pairs of the same run.
     fn against_readers(&self, page: &mut String) -> Result<()> {
         let log = csv_log(&self.folder, 10_000_000, 100)?;
         let _ = write!(

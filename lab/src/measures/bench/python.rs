@@ -1,4 +1,4 @@
-//! The Python package beside its peers, in one process: `python/bench.py` in the environment that `cargo xtask wheel` makes.
+//! The Python package next to its peers, in one process: `python/bench.py` in the environment that `cargo xtask wheel` makes.
 
 use anyhow::{Result, ensure};
 use xtask::shell::{root, stdout_of, target, text};

@@ -33,7 +33,7 @@ timestamp = \"time_us\"
 fn run(python: &str, folder: &Path, args: &[&Path], what: &str) -> Result<String> {
     let script = folder.join("kernels.py");
     fs::write(&script, SCRIPT)?;
-    // One thread: matrices of some hundred rows gain nothing by more.
+    // One thread: matrices of about a hundred rows gain nothing by more.
     let mut command = Command::new(python);
     command.arg(&script).arg(what).args(args).env("OMP_NUM_THREADS", "1").env("OPENBLAS_NUM_THREADS", "1");
     let output = command.output().context("cannot start python")?;

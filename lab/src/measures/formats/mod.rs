@@ -107,7 +107,7 @@ pub(crate) fn formats() -> Result<()> {
     let page = fs::read_to_string(root().join(OTHER_TOOLS))?;
     let scripts = scripts(&page);
     let wanted = FILES.iter().filter(|file| file.script.is_some()).count();
-    ensure!(scripts.len() == wanted, "{OTHER_TOOLS} has {} scripts of Python in place of {wanted}", scripts.len());
+    ensure!(scripts.len() == wanted, "{OTHER_TOOLS} has {} scripts of Python instead of {wanted}", scripts.len());
     for file in &FILES {
         bench.check(file, file.script.and_then(|at| scripts.get(at)).copied())?;
     }
@@ -148,7 +148,7 @@ struct Bench {
 }
 
 impl Bench {
-    /// Writes the files anew.
+    /// Writes the files again.
     fn make(&self) -> Result<()> {
         for file in &FILES {
             let folder = self.folder.join(file.folder);
@@ -202,7 +202,7 @@ impl Bench {
         self.program.stdout_in(&folder, &["fleet", "calibrate", "units", "--setup", PLAIN, "-o", "."])?;
         let page = fs::read_to_string(root().join(FLEET_TABLE))?;
         let scripts = scripts(&page);
-        ensure!(scripts.len() == 2, "{FLEET_TABLE} has {} scripts of Python in place of 2", scripts.len());
+        ensure!(scripts.len() == 2, "{FLEET_TABLE} has {} scripts of Python instead of 2", scripts.len());
         for (script, wanted) in scripts.iter().zip(["2", "RLG-2"]) {
             let said = self.python(&folder, script, &[])?;
             ensure!(said.contains(wanted), "{FLEET_TABLE}: no {wanted} in what the script printed:\n{said}");
@@ -223,7 +223,7 @@ impl Bench {
         let name = file.name;
         let refusal = output(60, text(self.program.path())?, args, folder)?;
         let said = String::from_utf8_lossy(&refusal.stderr).into_owned();
-        ensure!(refusal.status.code() == Some(2), "{}: {} in place of 2", args.join(" "), refusal.status);
+        ensure!(refusal.status.code() == Some(2), "{}: {} instead of 2", args.join(" "), refusal.status);
         ensure!(said.contains(&format!("this is {name}, ")), "{name} is not named in: {said}");
         let with = file.own.map_or(String::new(), |(words, ..)| format!(", with {words}"));
         let before = format!("help: convert it{with}: ");

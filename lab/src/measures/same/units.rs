@@ -1,7 +1,7 @@
 //! Tests of simulated units, and the commands that each goes through.
 //!
 //! Five kinds of unit in turn: a block that lags; the same with slow noise, a warm-up and a drift in time; many inputs; a knee and
-//! steps; a rate table. Sizes are drawn anew for each unit.
+//! steps; a rate table. Sizes are drawn again for each unit.
 
 use std::fs;
 use std::path::Path;

@@ -9,7 +9,7 @@ use xtask::shell::{output, root, stdout_of, text};
 use super::{Given, MODULES, STRICT, banks, short};
 use crate::targets::vector_files::files;
 
-/// What the flash of the AVR holds beside the program, bytes.
+/// What the flash of the AVR holds next to the program, bytes.
 const AVR_FILE: usize = 40_000;
 /// Ticks of a vector file there: the loops take a thousand times as long as here.
 const AVR_TICKS: u64 = 60_000;

@@ -46,7 +46,7 @@ const LEAST_GAIN: f64 = 5.0;
 const FACTORY: u32 = 1;
 const FITTED: u32 = 2;
 
-/// The whole circle. `--picture`: makes the picture anew in place of comparing it.
+/// The whole circle. `--picture`: makes the picture again instead of comparing it.
 pub(crate) fn closed_loop(args: &[&str]) -> Result<()> {
     need(debian::FIRMWARE)?;
     let unit = Unit::make()?;
@@ -268,7 +268,7 @@ fn drawn(svg: &str, anew: bool) -> Result<()> {
         return Ok(());
     }
     let before = fs::read_to_string(path).with_context(|| format!("no picture {}", path.display()))?;
-    ensure!(before == svg, "{CLOSED_LOOP_PICTURE} is out of date: `cargo xtask closed-loop --picture` makes it anew");
+    ensure!(before == svg, "{CLOSED_LOOP_PICTURE} is out of date: `cargo xtask closed-loop --picture` makes it again");
     println!("check: {CLOSED_LOOP_PICTURE} is of this run");
     Ok(())
 }

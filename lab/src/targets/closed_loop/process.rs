@@ -1,4 +1,4 @@
-//! A program that runs beside this one, with what it says line by line.
+//! A program that runs next to this one, with what it says line by line.
 
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, Command, Stdio};

@@ -1,4 +1,4 @@
-//! What the bench recorded, held against what the chamber fed and what the host computes.
+//! The bench recording, checked against the input of the chamber and the values of the host.
 
 use std::fs::File;
 use std::path::Path;

@@ -90,7 +90,7 @@ pub(super) fn stm32f407(sysroot: &Path) -> Result<()> {
     ensure!(stored.iter().any(|(from, _)| *from >= SECTOR_4), "STM32F407: no program in {headers}");
     let size: u64 = stored.iter().map(|(_, size)| size).sum();
     println!(
-        "check: the board of the STM32F407 links without a panic path: {} KB of flash beside its banks",
+        "check: the board of the STM32F407 links without a panic path: {} KB of flash next to its banks",
         size.div_ceil(1024)
     );
     Ok(())

@@ -37,7 +37,7 @@ const PAGE: &str = "127.0.0.1:8647";
 
 /// Record a thermal test as it runs, show it, and say when enough is known
 ///
-/// Every byte goes to the journal beside the log first (LOG.journal), so that `kill -9` and a power cut cost at most a second, and --resume goes
+/// Every byte goes to the journal next to the log first (LOG.journal), so that `kill -9` and a power cut cost at most a second, and --resume goes
 /// on. Ctrl-C ends the recording: the log is written as Parquet, and calibrated. A second Ctrl-C leaves at once; --resume or --finish go on then.
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -51,7 +51,7 @@ pub(crate) struct Args {
     /// Log to write when the test has ended: Parquet
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
-    /// Where the gyro's bytes come from, in place of the setup's
+    /// Source of the gyro's bytes (overrides the setup)
     ///
     /// -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE?baud=115200, replay:LOG?speed=10
     #[arg(long, value_name = "SOURCE")]
@@ -67,7 +67,7 @@ pub(crate) struct Args {
     /// Limits that the unit is to meet: a file or the name of a set
     #[arg(long, value_name = "LIMITS")]
     limits: Option<String>,
-    /// `met`: end the recording when the test has told enough
+    /// `met`: end the recording when the test is complete
     ///
     /// Needs limits, and span_c under [bench]
     #[arg(long, value_enum, default_value = "never", hide_possible_values = true)]
@@ -95,7 +95,7 @@ pub(crate) struct Args {
 enum StopWhen {
     /// Nothing.
     Never,
-    /// The test has told enough.
+    /// The test is complete.
     Met,
 }
 
@@ -176,7 +176,7 @@ fn enough_of(args: &Args, setup: &Setup) -> Result<Option<EnoughRequest>> {
     Ok(Some(request))
 }
 
-/// Records until the source ends, somebody ends it, or the test has told enough.
+/// Records until the source ends, somebody ends it, or the test is complete.
 fn record(args: &Args, setup: &Setup, request: LiveRequest, journal: &Path, console: &mut Console) -> Result<()> {
     let session = Session::begin(setup, &program(), journal, args.resume)?;
     let stop = session.stop.clone();
@@ -203,7 +203,7 @@ fn record(args: &Args, setup: &Setup, request: LiveRequest, journal: &Path, cons
     let _ = reader.join();
     shown.end(&live, console);
     if args.stop_when == StopWhen::Met && live.look(|state| state.study.confirmed) {
-        console.note("the test has told enough, and was ended");
+        console.note("the test is complete, and was ended");
         let not_seen = live.look(|state| state.study.enough.as_ref().map(|enough| enough.not_seen.clone()));
         not_seen.into_iter().flatten().for_each(|what| console.note(format!("not seen by this test: {what}")));
     }

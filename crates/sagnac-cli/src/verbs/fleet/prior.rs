@@ -14,7 +14,7 @@ use crate::verbs::verb::Verb;
 
 /// Learn from a fleet how the next unit's coefficients are expected to be
 ///
-/// Mean and covariance of the units' coefficients on the common basis, freed of what their tests add, without odd units.
+/// Mean and covariance of the units' coefficients on the common basis, freed of what their tests add, without outliers.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

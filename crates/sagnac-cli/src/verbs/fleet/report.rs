@@ -12,7 +12,7 @@ use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::MOST_COLUMNS;
 use crate::verbs::verb::Verb;
 
-/// Show a fleet's yield, control charts, odd units, rigs and tight limits
+/// Show a fleet's yield, control charts, outliers, rigs and tight limits
 #[derive(clap::Args)]
 #[command(after_help = "\
 Example:

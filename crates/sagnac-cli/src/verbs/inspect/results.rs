@@ -44,7 +44,7 @@ fn said(kind: &'static str, what: String, console: &mut Console) -> Result<bool>
     Ok(true)
 }
 
-/// The keys by which results are told apart. Whatever else they hold is not kept.
+/// The keys that distinguish results. The others are not kept.
 #[derive(Deserialize)]
 struct Peek {
     image_sha256: Option<IgnoredAny>,

@@ -52,7 +52,7 @@ pub(crate) struct Args {
     truth: Option<PathBuf>,
     #[command(flatten)]
     report: ReportArgs,
-    /// Sweep both running loops instead, and print their open-loop gain beside the design
+    /// Sweep both running loops instead, and print their open-loop gain next to the design
     #[arg(long)]
     bode: bool,
     /// Break something: KIND, KIND@START+SECONDS or KIND@START+SECONDS:SIZE (docs/explanation/simulator.md lists the kinds)
@@ -196,7 +196,7 @@ fn unwritten(error: std::io::Error) -> Error {
     Error::cannot("write", &error)
 }
 
-/// The log, and the truth beside it where it is asked for; how many rows there were.
+/// The log, and the truth next to it where it is asked for; how many rows there were.
 fn pour_with_truth(
     scenario: &Scenario,
     seed: u64,

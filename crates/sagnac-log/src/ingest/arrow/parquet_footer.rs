@@ -11,7 +11,7 @@ use crate::ingest::arrow::thrift::{Part, Walk};
 
 /// `PAR1` and the length before it.
 const TAIL: u64 = 8;
-/// Largest footer, bytes. The decoder needs some twenty times its length.
+/// Largest footer, bytes. The decoder needs about twenty times its length.
 const MOST_BYTES: u64 = 8 << 20;
 /// Largest depth of a schema.
 const MOST_LEVELS: usize = 32;
@@ -74,7 +74,7 @@ mod tests {
     fn depth_is_counted_and_not_width() {
         let nested = |levels: usize| [vec![1; levels], vec![0]].concat();
         assert!(!is_deep(&nested(32)) && is_deep(&nested(33)));
-        // A thousand columns beside each other, each a list of three levels.
+        // A thousand columns next to each other, each a list of three levels.
         let wide: Vec<u64> = std::iter::once(1000).chain((0..1000).flat_map(|_| [1, 1, 0])).collect();
         assert!(!is_deep(&wide));
         assert!(!is_deep(&[u64::MAX, 0, 0]));

@@ -94,7 +94,7 @@ impl StepStatistics {
         self.is_known() && (step as f64 - self.mean).abs() <= 2.0 * self.spread + SOME_QUANTA
     }
 
-    /// True for a total that a counter which began anew has soon, too.
+    /// True for a total that a counter which began again has soon, too.
     pub(crate) fn stands_near_zero(&self, total: i64) -> bool {
         total.abs() as f64 <= FAR * (self.largest.abs() + SOME_QUANTA)
     }

@@ -169,7 +169,7 @@ pub fn share_rows(these: &[&str], those: &[&str]) -> bool {
     hashes(these).intersection(&hashes(those)).count() >= COMMON
 }
 
-/// Sketches of many logs, to find one whose rows came before without holding each against each.
+/// Sketches of many logs, to find one whose rows came before without comparing each with each.
 #[derive(Clone, Debug, Default)]
 pub struct Sketches {
     /// Hash and number of its log.

@@ -27,7 +27,7 @@ pub const HEADERS: [(&str, &str); 11] = [
         "time, timestamp, datetime",
         "the same as a date of ISO 8601, such as 2024-02-29T12:00:05.5Z, or 29.02.2024 12:00:05; read where no column of the line above is there",
     ),
-    ("time_excel", "the same in days since 1899-12-30, as spreadsheets store dates: 45351.5; to some 0.1 ms"),
+    ("time_excel", "the same in days since 1899-12-30, as spreadsheets store dates: 45351.5; to about 0.1 ms"),
     ("temperature_c[_name], temperature_k[_name]", "a thermometer, in °C or K"),
     ("counts[_x, _y, _z]", "counts of the row, or a running total with `counter = \"cumulative\"`"),
     ("rate_dph, rate_dps, rate_radps [_x, _y, _z]", "mean rate of the row in °/h, °/s or rad/s"),

@@ -46,7 +46,7 @@ struct Places {
 }
 
 impl Places {
-    /// Finds the newlines of a piece. Lines of a log are too short for a search that begins anew with each.
+    /// Finds the newlines of a piece. Lines of a log are too short for a search that begins again with each.
     fn begin(&mut self, piece: &[u8]) {
         self.newlines.clear();
         let newlines = &mut self.newlines;

@@ -60,7 +60,7 @@ impl<'a> Design<'a> {
         Some(solution.theta.iter().copied().skip(shared).collect())
     }
 
-    /// The fit beside the levels that runs do not have for themselves, and how many these are.
+    /// The fit next to the levels that runs do not have for themselves, and how many these are.
     fn solve_shared(&self, slopes: &[Vec<f64>]) -> Option<(usize, Solution)> {
         let columns = self.problem.run_columns();
         let shared = columns.shared.len();

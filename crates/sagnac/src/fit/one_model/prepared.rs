@@ -10,7 +10,7 @@
 //! costs rows × |F| × |V| instead of rows × (|F| + |V|)², and V' of an input at a τ of the grid serves every combination with the lags of
 //! other inputs. The factors are those of [`crate::noise_model::factor`] up to rounding.
 //!
-//! Q₁ takes a number per row and column: above [`MOST_VALUES`] nothing is prepared, and the rows are reduced anew at each τ.
+//! Q₁ takes a number per row and column: above [`MOST_VALUES`] nothing is prepared, and the rows are reduced again at each τ.
 
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::rows::{Rates, TermColumn};

@@ -26,7 +26,7 @@ pub(crate) struct FitResidualNoise {
 }
 
 impl FitResidualNoise {
-    /// A noise that is known, beside a white variance.
+    /// A noise that is known, with a white variance.
     pub(crate) fn known(noise: SlowNoise, white: f64) -> Self {
         Self { estimate: NoiseEstimate::known(noise), stated: Some((noise, white)), exceeds_setup: false }
     }
@@ -40,7 +40,7 @@ impl FitResidualNoise {
         }
     }
 
-    /// White variance of a nominal window, (°/h)²: stated, else that of the fit beside this slow noise.
+    /// White variance of a nominal window, (°/h)²: stated, else that of the fit next to this slow noise.
     pub(crate) fn white_variance(&self, problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> f64 {
         self.stated.map_or_else(|| white_variance(problem, fitted, noise), |(_, white)| white)
     }
@@ -93,7 +93,7 @@ fn shows_more_than(problem: &LeastSquares<'_>, fitted: &Fitted, stated: (SlowNoi
         .is_some_and(|(shown, stated)| shown.exceeds(&stated))
 }
 
-/// The fit with the covariance C that its weights have under this noise, beside a white variance. The variances of slow noise are
+/// The fit with the covariance C that its weights have under this noise, with a white variance. The variances of slow noise are
 /// themselves uncertain: degrees of freedom after Satterthwaite,
 ///
 /// ```text

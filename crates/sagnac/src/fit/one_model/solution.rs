@@ -167,13 +167,13 @@ pub(crate) fn whitened_misfit(problem: &LeastSquares<'_>, fitted: &Fitted, white
     design.factor(&[]).solve_all().map(|solution| solution.ssr)
 }
 
-/// A column that a fit does not have, beside its levels and terms.
+/// A column that a fit does not have, next to its levels and terms.
 pub(crate) struct Beside {
     /// Coefficients of the terms that make the column as far as they can.
     pub(crate) of_terms: Vec<f64>,
     /// Sum of squares of the column that they cannot make, in whitened rows.
     pub(crate) misfit: f64,
-    /// Its coefficient, fitted beside them.
+    /// Its coefficient, fitted with them.
     pub(crate) coefficient: f64,
 }
 
@@ -269,7 +269,7 @@ fn find_taus(problem: &LeastSquares<'_>, spec: &ModelSpec, terms: &[TermColumn],
     Ok(taus)
 }
 
-/// The lag at this place is the slow one beside that before it.
+/// The lag at this place is the slow one next to that before it.
 fn is_slow(problem: &LeastSquares<'_>, taus: &[Tau], at: usize) -> bool {
     taus.get(at).is_some_and(|tau| problem.inputs[tau.input].repeats.is_some())
 }

@@ -185,7 +185,7 @@ impl PairSearch<'_> {
         Some([change(0), change(1)])
     }
 
-    /// The least fast lag that fits as well as any, and the slow lag of least misfit beside it.
+    /// The least fast lag that fits as well as any, and the slow lag of least misfit next to it.
     fn with_least_fast(&self, near: &[[usize; 2]], all: &[[usize; 2]], misfits: &[f64], taus_s: &[f64]) -> LagPair {
         let Some(fast) = near.iter().map(|pair| pair[0]).min() else { return LagPair::Nothing };
         let beside = all.iter().zip(misfits).filter(|(pair, _)| pair[0] == fast);

@@ -4,7 +4,7 @@
 //! a·e^(−t/τ)        t: time since power-on, which is the first row of every run
 //! ```
 //!
-//! The uncertainties of a and τ are those of both together beside all terms, under the noise of the residuals.
+//! The uncertainties of a and τ are those of both together next to all terms, under the noise of the residuals.
 //!
 //! Fails where a run does not begin at power-on: then a belongs to the first row of the log, and nothing in a log says so.
 
@@ -25,7 +25,7 @@ pub(crate) fn value(problem: &LeastSquares<'_>, fitted: &Fitted) -> Option<WarmU
     Some(WarmUp { value_dph: fitted.theta[column], sigma_dph: None, tau_s: Lag { value: tau_s, sigma: None } })
 }
 
-/// The same with the uncertainty of its size and its τ, under this noise beside a white variance.
+/// The same with the uncertainty of its size and its τ, under this noise with a white variance.
 pub(crate) fn estimate(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise, white: f64) -> Option<WarmUp> {
     let (column, tau_s) = find(problem)?;
     let warm_up = value(problem, fitted)?;

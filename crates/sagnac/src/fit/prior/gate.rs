@@ -50,7 +50,7 @@ impl ResidualOfFleet {
     /// The largest r of a unit like the fleet, °/h, whose test has so many degrees of freedom.
     fn most_dph(&self, degrees: f64) -> f64 {
         let n = self.axes as f64;
-        // ln of a standard deviation has a variance of 1/(2ν), and that of its correlation factor some 1/ν.
+        // ln of a standard deviation has a variance of 1/(2ν), and that of its correlation factor about 1/ν.
         let sigma = (self.ln_sigma.powi(2) * (1.0 + n.recip()) + 1.5 / degrees.max(1.0)).sqrt();
         let quantile = StudentsT::new(0.0, 1.0, (n - 1.0).max(1.0)).map_or(3.0, |t| t.inverse_cdf(RESIDUAL));
         (self.ln_mean + quantile * sigma).exp()

@@ -108,7 +108,7 @@ pub(crate) fn fit_with_prior(
     Ok(WithPrior { fitted, noise, white_variance: solved.variance, used })
 }
 
-/// The slow noise of the test: that of the fleet, unless the test contradicts it. By restricted likelihood, beside the directions that
+/// The slow noise of the test: that of the fleet, unless the test contradicts it. By restricted likelihood, next to the directions that
 /// the test shows.
 fn noise_of(problem: &LeastSquares<'_>, linear: &Linear, solved: &Solved, prior: &UnitPrior) -> SlowNoise {
     let rows = problem.len();

@@ -273,7 +273,7 @@ fn run_offsets(fitted: &Fitted, problem: &LeastSquares<'_>, input_dph: Option<f6
     rows.collect()
 }
 
-/// Drift in time and warm-up beside the terms; without the warm-up where it is corrected.
+/// Drift in time and warm-up next to the terms; without the warm-up where it is corrected.
 fn time_effects(fitted: &Fitted, problem: &LeastSquares<'_>, corrects_warm_up: bool) -> Vec<TimeEffect> {
     let effect = |(place, level): (usize, &Level)| {
         let (kind, run, unit, tau_s) = match *level {

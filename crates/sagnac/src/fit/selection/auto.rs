@@ -46,7 +46,7 @@ fn with_or_without_time<'a>(axis: &Axis<'a>, main: Signal, image: ImageCheck<'a>
     Ok(if follows { without } else { with_time })
 }
 
-/// The model of a grid and a search, some nuisance columns beside its terms.
+/// The model of a grid and a search, some nuisance columns next to its terms.
 fn searched<'a>(
     axis: &Axis<'a>,
     main: Signal,

@@ -1,7 +1,7 @@
 //! Cross-validation: every candidate on windows that its fit did not see.
 //!
 //! With four runs or more one run is held out at a time, otherwise one of twelve contiguous blocks over all runs. The lag
-//! filter runs through the held-out rows, and each fold fits τ anew. The residual of a held-out block uses the offset of its
+//! filter runs through the held-out rows, and each fold fits τ again. The residual of a held-out block uses the offset of its
 //! run; that of a whole run is about its own mean.
 //!
 //! One R factor per block and τ serves all candidates of the grid: training sets are stacks of the factors of the
@@ -168,7 +168,7 @@ fn block_factors(
     }))
 }
 
-/// Factors of the blocks, of all others beside each, and of all.
+/// Factors of the blocks, of all others next to each, and of all.
 struct Folds {
     blocks: Vec<Factor>,
     without: Vec<Option<Factor>>,

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! grade of a model at a τ    g = SSR/s² + k·max(5, ln n − 2) + 1.5·j        s² of the largest model, j the order of the rate series;
-//!                                                                    2·ln of the τ tried beside it
+//!                                                                    2·ln of the τ tried next to it
 //! ```
 //!
 //! Over the models of the thermometer of the fit alone. Fails where the residual of the largest model is not nearly white: a grade

@@ -116,7 +116,7 @@ fn grades_if_white(problem: &LeastSquares<'_>, fair: &[usize], specs: &[ModelSpe
 }
 
 /// Those whose held-out error no smaller model undercuts by far. A grade knows the rows that were fitted alone: on one ramp a larger
-/// model may follow them closely and be wrong by several times that beside them.
+/// model may follow them closely and be wrong by several times that next to them.
 fn not_far_behind(fair: &[usize], specs: &[ModelSpec], mean_square: &[Option<f64>]) -> Vec<usize> {
     let square = |i: usize| mean_square[i].unwrap_or(f64::INFINITY);
     let undercuts = |small: usize, large: usize| {

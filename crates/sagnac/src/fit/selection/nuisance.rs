@@ -1,4 +1,4 @@
-//! Drift in time and warm-up after power-on: fitted beside the terms so that no term takes their place. None is
+//! Drift in time and warm-up after power-on: fitted with the terms so that no term takes their place. None is
 //! corrected but a warm-up where that is asked for ([`super::warm_up`]).
 //!
 //! ```text
@@ -29,7 +29,7 @@ const LONGEST_PART: f64 = 1.0 / 3.0;
 /// τ of a warm-up that are tried, at most.
 const MOST_TAUS: i32 = 8;
 
-/// The nuisance columns of a problem that are justified beside the best model of the grid. Rate series of order 0 and every second
+/// The nuisance columns of a problem that are justified next to the best model of the grid. Rate series of order 0 and every second
 /// lag decide: what goes with time is common to all.
 pub(crate) fn justified(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Vec<Level> {
     let is_plain = |spec: &&ModelSpec| spec.thermometer().rate.is_none_or(|order| order == 0);
@@ -69,7 +69,7 @@ fn best(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Opti
     graded.into_iter().min_by(|a, b| grade(a).total_cmp(&grade(b))).map(|(_, set)| set)
 }
 
-/// Of some columns those that the curve over temperature does not explain beside the offsets.
+/// Of some columns those that the curve over temperature does not explain next to the offsets.
 fn separate(
     problem: &LeastSquares<'_>,
     whitening: &Whitening,
@@ -90,7 +90,7 @@ fn separate(
     Some((own..with.levels().len()).filter(is_separate).map(|column| with.levels()[column]).collect())
 }
 
-/// Grades with each of some sets of columns, beside those that are always there.
+/// Grades with each of some sets of columns, next to those that are always there.
 fn graded_sets(
     problem: &LeastSquares<'_>,
     whitening: &Whitening,
@@ -117,7 +117,7 @@ fn graded_sets(
     Some(sets.iter().filter_map(graded).collect())
 }
 
-/// Slow noise of the largest model beside a drift and a warm-up of middle length, so that neither counts as noise.
+/// Slow noise of the largest model next to a drift and a warm-up of middle length, so that neither counts as noise.
 fn noise_beside(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Option<SlowNoise> {
     let largest = specs.iter().max_by_key(|spec| spec.coefficients())?;
     let warm_ups = warm_ups(problem);

@@ -32,7 +32,7 @@ pub(crate) const ZONES: [u8; 4] = [2, 3, 4, 6];
 /// Price of a coefficient in a grade, at least and below ln n.
 const LEAST_PRICE: f64 = 5.0;
 const PRICE_LESS: f64 = 2.0;
-/// What an order of the rate series costs more than one of the bias: beside a curve and a rate term it is one more of many that
+/// What an order of the rate series costs more than one of the bias: next to a curve and a rate term it is one more of many that
 /// noise may fit.
 pub(crate) const RATE_SLOPE_PRICE: f64 = 1.5;
 

@@ -5,7 +5,7 @@
 //! costs more held-out error than the term gains. Noise through the value terms is reported only: without them there is no
 //! correction.
 //!
-//! The fit goes through the code that writes images ([`ImageCheck`]). In place of a model that no image can hold `auto` takes a smaller
+//! The fit goes through the code that writes images ([`ImageCheck`]). Instead of a model that no image can hold `auto` takes a smaller
 //! one, and the record names it; a given one is refused.
 
 use crate::calibration::{
@@ -113,7 +113,7 @@ impl Selected<'_> {
         ))
     }
 
-    /// Takes the best model of one order less in place of one that no image can hold. The grid and the search have refused such
+    /// Takes the best model of one order less instead of one that no image can hold. The grid and the search have refused such
     /// models already; a raised lag or another loss may make one more.
     fn shrink(&mut self, refusal: Error) -> Result<()> {
         let smaller = if self.was_given { Vec::new() } else { shrunk(&self.spec) };

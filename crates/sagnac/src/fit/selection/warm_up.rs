@@ -1,4 +1,4 @@
-//! The τ of a warm-up beside a selected model.
+//! The τ of a warm-up next to a selected model.
 //!
 //! [`super::nuisance`] decides whether the runs hold one. Its τ from a grid of ratio two is refined here by parabolas.
 //!
@@ -13,7 +13,7 @@ use crate::fit::selection::prices::{TIME_DECISIVE, price};
 use crate::model::spec::ModelSpec;
 use crate::noise_model::minimum::minimum;
 
-/// A problem with the τ of its warm-up at the least misfit beside a model. A drift in time beside it is kept only where it is still
+/// A problem with the τ of its warm-up at the least misfit next to a model. A drift in time next to it is kept only where it is still
 /// decisive then, for it may have made up for the τ of the grid.
 pub(crate) fn refined<'a>(problem: LeastSquares<'a>, spec: &ModelSpec, taus_s: &[f64]) -> LeastSquares<'a> {
     let Some((with, misfit_with)) = settled(&problem, spec, taus_s) else { return problem };

@@ -1,4 +1,4 @@
-//! What the curve may be beside the fitted one: what that adds to its uncertainty, and where the rows contradict its shape.
+//! Other curves next to the fitted one: what they add to its uncertainty, and where the rows contradict its shape.
 
 use crate::calibration::{CurveSpread, LackOfFit};
 use crate::fit::one_model::solution::Fitted;
@@ -12,10 +12,10 @@ use crate::model::spec::{InputTerms, ModelSpec};
 use crate::noise_model::processes::SlowNoise;
 use crate::noise_model::whitening::Whitening;
 
-/// What the curve may be beside the fitted one, which gives value and variance at a temperature: what that adds to its uncertainty, and
+/// Other curves next to the fitted one, which gives value and variance at a temperature: what that adds to its uncertainty, and
 /// where the rows contradict its shape. Neither for models of more than series and zones over one thermometer.
 ///
-/// Beside a model that was asked for nothing counts unless the rows contradict it.
+/// Next to a model that was asked for nothing counts unless the rows contradict it.
 pub(crate) fn beside_curve(
     selected: &Selected<'_>,
     fitted: &Fitted,

@@ -21,7 +21,7 @@ use crate::model::spec::ModelSpec;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 
-/// What the curve may be in place of the selected one.
+/// Other curves than the selected one.
 pub(crate) struct Rival {
     /// A model, or words for a curve that is none.
     pub(crate) name: String,
@@ -31,7 +31,7 @@ pub(crate) struct Rival {
     pub(crate) curve: Vec<(f64, f64)>,
 }
 
-/// σ that rivals add to a curve, which gives value and variance at a temperature; `None` where there is nothing beside it.
+/// σ that rivals add to a curve, which gives value and variance at a temperature; `None` where there is nothing next to it.
 pub(crate) fn spread(
     problem: &LeastSquares<'_>,
     rivals: &[Rival],

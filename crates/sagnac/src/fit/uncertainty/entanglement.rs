@@ -3,7 +3,7 @@
 //! ```text
 //! r  = Ṫ at some lag, or t          a column that the model does not have, and that temperature explains
 //! β  = (XᵀX)⁻¹Xᵀr                   the curve's coefficients that do its work
-//! ĉ  = r̃ᵀy/|r̃|², r̃ = r − Xβ         its coefficient if it were fitted beside them, with variance s²/|r̃|²
+//! ĉ  = r̃ᵀy/|r̃|², r̃ = r − Xβ         its coefficient if it were fitted with them, with variance s²/|r̃|²
 //! σ²(T) = (w(T)ᵀβ)²·(s²/|r̃|² + ĉ²)  added to the curve, w its weights at T less those at T0
 //! ```
 //!

@@ -1,4 +1,4 @@
-//! What the curve may be beside a series: zones, a bend, and curves that follow nothing but their rows.
+//! Other curves than a series: zones, a bend, and curves that follow nothing but their rows.
 //!
 //! ```text
 //! zones    d(T) = Σ bᵢ·Tᵢ(x) + Σ zⱼ·square above knot j            orders 1 … 3, zones 2, 3, 4, 6
@@ -33,7 +33,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Orders of the series beside zones.
+/// Orders of the series next to zones.
 const ORDERS: usize = 3;
 /// Segments of the span between bends.
 const SEGMENTS: usize = 24;
@@ -148,7 +148,7 @@ struct RivalColumns<'a> {
     /// Of the fit, without its curve at rest.
     spec: ModelSpec,
     factor: Factor,
-    /// Columns that all rivals have, levels among them, and what those beside the levels cost.
+    /// Columns that all rivals have, levels among them, and what those next to the levels cost.
     common: usize,
     price: f64,
     functions: Vec<Function>,

@@ -10,7 +10,7 @@
 //! does not depend on the basis (for equal Vᵢ and normal units it is the restricted likelihood's). Where units are of several lots, S is
 //! pooled about the lots' own means as well: that is the scatter of a unit whose lot is known.
 //!
-//! Odd units are not of the fleet: a coefficient more than 5 MAD (as σ) from the median of its lot excludes a unit, by name. Sums are
+//! Outliers are not of the fleet: a coefficient more than 5 MAD (as σ) from the median of its lot excludes a unit, by name. Sums are
 //! exact ([`ExactSum`]), so priors of two factories merge to the bytes that one of both would have.
 //!
 //! Fails for units of several models, or whose tests span other temperatures: those are not used, and counted. A test that is part of
@@ -277,7 +277,7 @@ impl Prior {
         )
     }
 
-    /// Two priors as one: as if it had been learned from the fleets of both, each without its own odd units.
+    /// Two priors as one: as if it had been learned from the fleets of both, each without its own outliers.
     ///
     /// # Errors
     /// Priors of two models.
@@ -425,7 +425,7 @@ fn scatter_about_means(groups: &[&LotSums], p: usize) -> DMatrix<f64> {
 
 /// The part of a scatter beyond a covariance, and the number of its directions; `None` where the covariance is not positive.
 fn beyond(scatter: &DMatrix<f64>, covariance: &DMatrix<f64>) -> Option<(DMatrix<f64>, usize)> {
-    // At unit variances first: terms of ppm and of °/h stand beside each other.
+    // At unit variances first: terms of ppm and of °/h stand next to each other.
     let scale = covariance.diagonal().map(f64::sqrt);
     if scale.iter().any(|sigma| !sigma.is_finite() || *sigma <= 0.0) {
         return None;

@@ -34,7 +34,7 @@ impl Prior {
         serde_json::to_string_pretty(&whole).map(|text| text + "\n").map_err(broken)
     }
 
-    /// Reads and checks one. Means and covariances are made anew of the sums. A file that was changed by hand is refused by the hash of its
+    /// Reads and checks one. Means and covariances are made again of the sums. A file that was changed by hand is refused by the hash of its
     /// content: a plan of a prior with two terms exchanged would promise as confidently as that of a whole one.
     ///
     /// # Errors

@@ -73,7 +73,7 @@ fn mean_and_scatter_are_the_units_own() {
     }
     let truth = product(&OF_UNITS);
     for ([got, error], wanted) in of(|fleet| fleet.covariance.clone()).iter().zip(&truth) {
-        // Measured: the positive part and the bound on odd units move an entry by less than 2 % of the largest beside it.
+        // Measured: the positive part and the bound on outliers move an entry by less than 2 % of the largest next to it.
         assert!((got - wanted).abs() < 4.0 * error + 0.0006, "{got} ± {error} for {wanted}");
     }
     let with_tests: f64 = truth[0] + product(&OF_TESTS)[0] * (1.0 + 1.0 / 12.0);
@@ -134,7 +134,7 @@ fn equal_units_have_no_scatter() {
     assert!(sigmas.iter().all(|ratio| *ratio >= 0.0) && sigmas[50] < 0.45, "median {}", sigmas[50]);
 }
 
-/// Odd units are excluded by name and change nothing; units of the fleet are not.
+/// Outliers are excluded by name and change nothing; units of the fleet are not.
 #[test]
 fn odd_units_are_named_and_do_not_count() {
     let mut draws = Draws(4);
@@ -262,7 +262,7 @@ fn one_gyro_has_one_name() {
         let equal: Vec<UnitResult> = (0..40).map(|at| unit(at, "", alike(&mut draws), product(&OF_TESTS))).collect();
         let mut untold = fleet(&mut draws, 40, &[0.0, 0.1, -0.1]);
         untold.iter_mut().for_each(|unit| unit.lot.clear());
-        // In one direction alone, some 30 times the uncertainty of the tests.
+        // In one direction alone, about 30 times the uncertainty of the tests.
         let line: Vec<UnitResult> = (0..40)
             .map(|at| {
                 let (along, error) = (draws.normal(), with(&mut draws, &OF_TESTS));

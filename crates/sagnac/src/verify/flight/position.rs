@@ -8,7 +8,7 @@
 //! their covariance: a position error within two of its σ is none that the proof can show. a₀ is the bias against that of the
 //! calibration, which the navigator subtracts: the navigator does not know the mean of a retest. With a gyrocompass
 //! alignment b counts from the drift at take-off, which is a heading error ε/(Ω·cos φ) instead. Never made of a peak to
-//! peak, and never of noise: what angle random walk makes is reported beside it.
+//! peak, and never of noise: what angle random walk makes is reported next to it.
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -114,7 +114,7 @@ pub struct PositionError {
     pub after_m: Estimate,
     /// Largest position error on the way by the drift as corrected, m.
     pub most_after_m: f64,
-    /// Largest of error and two of its σ on the way, m: what a limit is held against, for a retest cannot vouch for less.
+    /// Largest of error and two of its σ on the way, m: the value that a limit checks, for a retest cannot vouch for less.
     pub bound_after_m: f64,
     /// Null without a gyrocompass alignment.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -281,7 +281,7 @@ impl Flight {
         HeadingError { heading_arcmin: estimate(ARCMIN_PER_RAD), cross_track_m: estimate(distance_m) }
     }
 
-    /// Temperatures of the flight that no window is near cannot be told by a curve through those beside them.
+    /// Temperatures of the flight that no window is near cannot be told by a curve through those next to them.
     fn check_holes(&self, used: &[&WindowPoint]) -> std::result::Result<(), String> {
         let of_flight = self.profile.iter().map(|corner| corner.temperature_c);
         let lo = of_flight.clone().fold(f64::INFINITY, f64::min);

@@ -1,4 +1,4 @@
-//! A value held against its limit: met, not met, not decided, not asked.
+//! A value checked against its limit: met, not met, not decided, not asked.
 //!
 //! ```text
 //! guarded    met: value + 1.645σ within the limit · not met: value − 1.645σ beyond it · else not decided
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use sagnac_units::format::{significant, with_sigma};
 
-/// One limit held against its value.
+/// One limit checked with its value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]

@@ -22,7 +22,7 @@ use sagnac_units::s_from_ns;
 const MAX_UPDATES: i64 = 10_000_000;
 /// No row may: 5.8 days at 1 s. More is an image for another log.
 const MAX_ROW_UPDATES: i64 = 500_000;
-/// Most slow updates of a whole replay: eleven days at 10 ms, three years at 1 s. They take some 8 s.
+/// Most slow updates of a whole replay: eleven days at 10 ms, three years at 1 s. They take about 8 s.
 const MAX_ALL_UPDATES: i64 = 100_000_000;
 /// Largest |raw| the core takes at once.
 const MAX_RAW: i64 = sagnac_core::MAX_RAW as i64;

@@ -6,8 +6,8 @@
 //!
 //! so that before and after speak of bias, as on a gyro at rest, whatever the table does and whatever the scale factor
 //! is off at T0 (the correction takes out its variation, not its value). A slope over the whole run would hold what the bias does in
-//! ramps, where the table turns one way in heating and the other in cooling. What the scale factor does over temperature is
-//! told apart, plateau by plateau.
+//! ramps, where the table turns one way in heating and the other in cooling. The scale factor over temperature is
+//! reported separately, plateau by plateau.
 
 use serde::{Deserialize, Serialize};
 
@@ -190,7 +190,7 @@ pub(crate) struct Drifts<'a> {
     /// Per axis and window, °/h; empty without a table.
     drift_dph: Vec<Vec<f64>>,
     turnings: Vec<RateTableInput>,
-    /// Per axis that was turned: slow noise that the setup states, and the white variance beside it.
+    /// Per axis that was turned: slow noise that the setup states, and the white variance next to it.
     stated: Vec<Option<(SlowNoise, f64)>>,
 }
 

@@ -1,4 +1,4 @@
-//! What the corrected windows of a proof come to, value by value, for limits to be held against.
+//! What the corrected windows of a proof come to, value by value, for limits to check.
 //!
 //! ```text
 //! plateau             steady windows (|Ṫ| ≤ 0.05 °C/min) within ±1 °C: σ about their own mean, and that mean about the run's
@@ -35,7 +35,7 @@ const FEWEST_OF_SOAKS: f64 = 20.0;
 const LEAST_SPREAD_C2: f64 = 0.09;
 /// The same of its rate, (°C/min)².
 const LEAST_SPREAD_CPM2: f64 = 1e-4;
-/// 1 − correlation² of T and Ṫ from which on they are told apart.
+/// 1 − correlation² of T and Ṫ from which on they are separable.
 const LEAST_APART: f64 = 1e-3;
 /// √(2 ln 2/π): the flat of a flicker of B = 1.
 const FLAT: f64 = 0.664_28;
@@ -68,7 +68,7 @@ pub struct RandomWalk {
     pub after_deg_rt_h: f64,
 }
 
-/// Values of what is left.
+/// Values of the residual.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 #[non_exhaustive]
@@ -263,7 +263,7 @@ const MOST_BRIDGED: f64 = 2.0;
 /// flicker.
 const MOST_FILLED: f64 = 0.1;
 
-/// The windows in stretches without a gap. Short gaps are filled with the mean of the windows beside them, unless these are too many:
+/// The windows in stretches without a gap. Short gaps are filled with the mean of the windows next to them, unless these are too many:
 /// a minute that is missing in each hour must not hide every τ above an hour.
 fn stretches(used: &[&WindowPoint]) -> Vec<Vec<f64>> {
     let longest_h = used.iter().map(|point| point.length_h).fold(0.0, f64::max);

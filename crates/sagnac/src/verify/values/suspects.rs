@@ -25,7 +25,7 @@ pub struct Suspect {
     pub end_h: f64,
     /// Windows.
     pub windows: usize,
-    /// Their mean rate less that of the windows beside them, °/h; none where no window beside them is used.
+    /// Their mean rate less that of the windows next to them, °/h; none where no window next to them is used.
     pub size_dph: Option<f64>,
 }
 

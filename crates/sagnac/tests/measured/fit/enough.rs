@@ -1,4 +1,4 @@
-//! A test that ends when it has told enough: its units pass a retest as often as after the full test, in fewer hours.
+//! A test that ends when it is complete: its units pass a retest as often as after the full test, in fewer hours.
 
 use crate::hostile::stopped::{growing_memory, stopped, unit};
 use crate::support::evidence::{Records, evidence};

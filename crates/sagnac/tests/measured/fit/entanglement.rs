@@ -119,7 +119,7 @@ fn a_strong_warm_up_leaves_the_curve_alone() {
     evidence("95 % interval of the curve covers beside a warm-up of 0.3 °/h and 25 min", covers, "≥ 0.9", RECORDS);
 }
 
-/// Where nothing goes with time, nothing is fitted beside the terms.
+/// Where nothing goes with time, nothing is fitted with the terms.
 #[test]
 fn no_effect_of_time_is_found_where_there_is_none() {
     let all = calibrated(2, |now| 0.05 * now.u() + 0.05 * now.lagged_cpm, |bench| bench.rate_lag_s = 300.0);

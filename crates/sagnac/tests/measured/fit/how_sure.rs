@@ -30,7 +30,7 @@ pub(crate) fn log(windows: usize, soak: usize, correlation_windows: f64, seed: u
     log_with_walk(windows, soak, correlation_windows, 0.0, seed)
 }
 
-/// The same with a rate random walk beside them, °/h/√h.
+/// The same with a rate random walk next to them, °/h/√h.
 fn log_with_walk(windows: usize, soak: usize, correlation_windows: f64, k_dph_rt_h: f64, seed: u64) -> Rows<3> {
     let mut walk = 0.0;
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -159,7 +159,7 @@ fn records_of_one_gyro_agree_and_a_changed_one_is_reported() {
         assert_eq!((curve.values.len(), curve.temperatures_c.len()), (3, 12));
         stood_out += u32::from(curve.worst.as_ref().unwrap().sigmas > 3.0);
     }
-    // Some ten independent comparisons each: three sigma by chance in 3 of 100.
+    // About ten independent comparisons each: three sigma by chance in 3 of 100.
     let claim = "one of three calibrations of an unchanged gyro stands out by three σ in `compare`";
     evidence(claim, f64::from(stood_out) / 20.0, "≤ 0.1", 20);
     let mut changed = unit(7);

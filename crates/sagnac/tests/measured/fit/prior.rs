@@ -200,7 +200,7 @@ fn a_full_test_gains_a_little() {
 }
 
 /// Units that are not of the fleet: one parameter is six σ of its lot away. Where the test's own noise is as large as that scatter, or the
-/// test does not show a parameter at all (the lag), an odd unit passes: what the record says of the test is then the fleet's.
+/// test does not show a parameter at all (the lag), an outlier passes: what the record says of the test is then the fleet's.
 #[test]
 fn odd_units_are_refused_by_name() {
     const ODD: Records = Records::new(100);

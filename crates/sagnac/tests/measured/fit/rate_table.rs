@@ -94,7 +94,7 @@ fn a_reference_of_the_other_sign_and_a_wrong_scale_are_refused() {
     let claim = "a reference of the other sign is refused by name, in calibration and in verification";
     evidence(claim, f64::from(flipped) / 20.0, "≥ 1", 20);
     let wrong = Setup { arcsec_per_count: Some(1.059 / 4.0), ..setup() };
-    refused(fit(vec![rig.csv(1, true)], &wrong, "auto").unwrap_err(), "off by a factor of 4.0");
+    refused(fit(vec![rig.csv(1, true)], &wrong, "auto").unwrap_err(), "wrong by a factor of 4.0");
     let near = Setup { arcsec_per_count: Some(1.059 * (1.0 - 800e-6)), ..setup() };
     let made = fit(vec![rig.csv(1, true), rig.csv(2, true)], &near, "bias 2, scale 2").unwrap();
     assert!((made.axes[0].scale_factor().unwrap().at_reference.ppm - 917.0).abs() < 5.0);

@@ -60,7 +60,7 @@ fn two_lags_are_recovered_within_their_intervals() {
     evidence("95 % interval of the rate coefficient behind the slow of two lags covers", held[3], "≥ 0.9", RECORDS);
 }
 
-/// A rate effect without a lag beside a slow one: the fast lag is not resolved, and the rest covers all the same.
+/// A rate effect without a lag next to a slow one: the fast lag is not resolved, and the rest covers all the same.
 #[test]
 fn a_slow_lag_beside_none_is_recovered() {
     let held = covered(0.1);

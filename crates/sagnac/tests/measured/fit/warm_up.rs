@@ -12,7 +12,7 @@ use sagnac::fit::calibrate;
 const TAU_S: f64 = 2520.0;
 const RECORDS: Records = Records::new(100).few(30);
 
-/// A warm-up of so many °/h beside a slope.
+/// A warm-up of so many °/h next to a slope.
 fn warming(dph: f64) -> impl Fn(Now) -> f64 {
     move |now| 0.05 * now.u() + dph * (-3600.0 * now.hours / TAU_S).exp()
 }
@@ -62,7 +62,7 @@ fn size_and_time_constant_are_known_as_stated() {
     }
 }
 
-/// Where there is none, none is corrected, by `auto` and beside a given model.
+/// Where there is none, none is corrected, by `auto` and next to a given model.
 #[test]
 fn none_is_corrected_where_there_is_none() {
     for model in ["auto", "bias 1"] {

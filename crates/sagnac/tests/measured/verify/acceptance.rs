@@ -571,7 +571,7 @@ fn soaked_c(minutes: f64) -> f64 {
     }
 }
 
-/// A unit 0.1 °/h off at the ends of its span, seen for an hour of 43, beside one that is as calibrated. By the mean over the windows it was
+/// A unit 0.1 °/h off at the ends of its span, seen for an hour of 43, next to one that is as calibrated. By the mean over the windows it was
 /// accepted 40 times of 40.
 #[test]
 fn a_long_soak_hides_no_residual() {

@@ -216,7 +216,7 @@ fn check(compared: &Compared) {
     }
 }
 
-/// One row of 20 arcsec in 12 h makes N some 12 % too large. It is found by its line, both values are shown, and the clean
+/// One row of 20 arcsec in 12 h makes N about 12 % too large. It is found by its line, both values are shown, and the clean
 /// one, which is used, is within 1 % (asserted: 3 %) of N without the disturbance; in steps and in a running total.
 #[test]
 fn a_disturbed_row_is_found_named_and_excluded() {

@@ -176,7 +176,7 @@ impl RowValidator {
         Some(end.time_ns + elapsed_ns - first_ns)
     }
 
-    /// Holds the interval against the first rows.
+    /// Checks the interval against the first rows.
     pub(crate) fn watching_interval(self) -> Self {
         Self { watch: self.timed.then(|| PipeWatch::new(self.nominal_ns)), whole_rows: false, ..self }
     }
