@@ -30,8 +30,7 @@ Examples:
 
 Exit status: 0 done, 1 limits not met, 2 bad usage or input, 3 refused by the data.";
 
-const ABOUT: &str =
-    "Makes ring laser gyroscopes hold still over temperature: fits, proves and corrects their thermal drift";
+const ABOUT: &str = "Temperature compensation for gyroscopes: fit, verify, export";
 
 /// The command line.
 #[derive(Parser)]

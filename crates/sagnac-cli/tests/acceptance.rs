@@ -230,7 +230,7 @@ fn limits_are_not_held_against_another_window() {
     };
     assert_eq!(run(&[]).0, 0);
     let (status, said) = run(&["--limits", "navigation-grade"]);
-    assert!(status == 3 && said.contains("the calibration in windows of 100.0 s"), "{status}: {said}");
+    assert!(status == 3 && said.contains("the calibration has 100.0 s"), "{status}: {said}");
 }
 
 /// An input rate of another axis, or one for several axes, must not switch a limit off.

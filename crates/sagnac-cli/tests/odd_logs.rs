@@ -528,7 +528,7 @@ fn a_counter_that_stands_still_is_good_for_nothing() {
     let folder = TempDir::new().unwrap();
     let refused = calibrated(folder.path(), |_| 150, &[]);
     assert_eq!(refused.status.code(), Some(3), "{}", said(&refused));
-    assert!(said(&refused).contains("the same rate in all 60 windows"), "{}", said(&refused));
+    assert!(said(&refused).contains("constant in all 60 windows"), "{}", said(&refused));
     let inspected = sagnac(folder.path(), &["inspect", "log.csv", "--arcsec-per-count", "1"]);
     assert!(String::from_utf8_lossy(&inspected.stdout).contains("not usable"), "{inspected:?}");
 }
@@ -625,7 +625,7 @@ fn a_thermometer_that_is_read_once_a_minute_is_held_as_init_says() {
     let with_setup = [&["inspect", "slow.csv", "--setup", "bench.toml", "--json"], &count[..]].concat();
     let survey: Value = serde_json::from_slice(&sagnac(folder.path(), &with_setup).stdout).unwrap();
     assert_eq!(survey["survey"]["thermometers"][0]["reading_interval_s"], 60.0, "{survey}");
-    assert!(survey["survey"]["cautions"].to_string().contains("read every 60 s"), "{survey}");
+    assert!(survey["survey"]["cautions"].to_string().contains("one reading every 60 s"), "{survey}");
     let made = [&["calibrate", "slow.csv", "--setup", "bench.toml", "-o", "b.cal.json"], &count[..]].concat();
     assert!(sagnac(folder.path(), &made).status.success());
     let curve = sagnac(folder.path(), &["evaluate", "b.cal.json", "--at=-40,0,70", "--json"]);

@@ -74,7 +74,7 @@ fn unjudged_bias(verification: &Verification) -> &'static str {
     if is_unjudged { "; the bias against the calibration is NOT judged" } else { "" }
 }
 
-/// An entry of the head; a line for the pen where it is not given.
+/// An entry of the head; a blank line to fill in by hand by default.
 fn entry(name: &str, value: Option<&str>) -> Markup {
     html! { tr { td { (name) } td.words { @match value { Some(value) => { (value) } None => { span.pen {} } } } } }
 }

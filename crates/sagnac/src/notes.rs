@@ -1,16 +1,16 @@
-//! A fit in sentences: what is worth knowing before it is used. Terminal, page and Python show one list.
+//! A fit in sentences, to read before use. Terminal, page and Python show one list.
 
 use sagnac_units::format::significant;
 
 use crate::calibration::{AxisCalibration, FitDiagnostics};
 
-/// How much a note matters.
+/// Importance of a note.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum NoteLevel {
-    /// Said of every such fit.
+    /// True of every such fit.
     Fact,
-    /// To know before use.
+    /// Read it before use.
     Note,
     /// Something is missing, or looks wrong.
     Warning,
@@ -93,12 +93,12 @@ impl AxisCalibration {
         let below = fit.residual.sigma_dph < BELOW_FLOOR * fit.noise_floor.as_ref()?.value_dph;
         if below && self.turned() {
             Some(
-                "the residual is well below the noise floor: turned by a table, a counter's quantization is a saw that the floor takes for noise; \
-                  give [noise] from a record at rest",
+                "the residual is well below the noise floor: on a rate table, the floor counts the saw of quantization as noise. \
+                  Set [noise] from a record at rest",
             )
         } else if below && self.other_signals().next().is_some() {
             Some(
-                "the residual is well below the noise floor, so the floor holds what an input moves within seconds; compare with the held-out σ \
+                "the residual is well below the noise floor: the floor contains fast effects of an input. Compare with the held-out σ \
                   of other models instead",
             )
         } else {
@@ -112,12 +112,12 @@ fn of_noise(fit: &FitDiagnostics, notes: &mut Vec<Note>) {
     notes.extend(unexplained(fit));
     notes.extend(fit.lack_of_fit.iter().map(|lack| Note::of(NoteLevel::Warning, NoteAbout::Curve, lack.note())));
     if fit.noise_exceeds_setup {
-        let text = "the log shows more noise than the setup states: intervals go by the log";
+        let text = "the log contains more noise than [noise] in the setup, so intervals use the log";
         notes.push(Note::of(NoteLevel::Warning, NoteAbout::Fit, text));
     }
     notes.extend(fit.hidden_in_offsets_dph.map(|hidden| {
         let text = format!(
-            "each run covers little of the temperatures: run offsets differ by {} °/h (σ), which may be drift; --one-run makes files one run",
+            "each run covers few temperatures: run offsets differ by {} °/h (σ), possibly by drift. To join the files: --one-run",
             significant(hidden, 2)
         );
         Note::of(NoteLevel::Fact, NoteAbout::Fit, text)
@@ -140,7 +140,7 @@ fn unexplained(fit: &FitDiagnostics) -> Option<Note> {
     }
     let times = sigma_dph / fit.noise_floor.as_ref()?.value_dph;
     let text = format!(
-        "the residual is {} times the white noise floor: a soak of an hour, or B under [noise], tells slow noise from a step or a missing input",
+        "the residual is {} times the white noise floor. Add a soak of an hour, or B under [noise], to separate slow noise from a step or a missing input",
         significant(times, 2)
     );
     (times > UNEXPLAINED).then(|| Note::of(NoteLevel::Note, NoteAbout::Fit, text))
@@ -150,7 +150,7 @@ fn unexplained(fit: &FitDiagnostics) -> Option<Note> {
 fn of_time_and_search(fit: &FitDiagnostics, notes: &mut Vec<Note>) {
     notes.extend(fit.time_effects.iter().map(|effect| {
         let words = effect.words();
-        let text = format!("{words} (fitted with the terms, not corrected; residual and held-out σ are without it)");
+        let text = format!("{words} (fitted with the terms, not corrected, and not part of residual and held-out σ)");
         Note::of(NoteLevel::Fact, NoteAbout::Fit, text)
     }));
     notes.extend(
@@ -161,7 +161,7 @@ fn of_time_and_search(fit: &FitDiagnostics, notes: &mut Vec<Note>) {
         Note::of(NoteLevel::Fact, NoteAbout::Search, text)
     }));
     notes.extend(fit.rejected_models.iter().map(|rejected| {
-        let text = format!("`{}` would have been selected, but {}", rejected.model, rejected.reason);
+        let text = format!("the best model, `{}`, was rejected: {}", rejected.model, rejected.reason);
         Note::of(NoteLevel::Warning, NoteAbout::Search, text)
     }));
 }

@@ -201,7 +201,7 @@ fn a_thermometer_that_stops_beside_another_is_named() {
                 readings[stuck][row] = value + noise[row];
             }
         }));
-        let still = |t: usize| found.thermometers[t].faults.iter().any(|fault| fault.contains("stands still"));
+        let still = |t: usize| found.thermometers[t].faults.iter().any(|fault| fault.contains("is stuck at"));
         named += u32::from(still(stuck));
         assert!(!still(1 - stuck), "{found:?}");
     }

@@ -92,7 +92,7 @@ impl Client {
         let unasked = self.stream.peek(&mut [0]).is_ok_and(|bytes| bytes > 0) || !self.reader.buffer().is_empty();
         self.stream.set_nonblocking(false)?;
         if unasked {
-            return Err(wrong("it says something that nobody asked for"));
+            return Err(wrong("it sends unrequested data"));
         }
         let question = column.query.as_deref().unwrap_or_default();
         self.stream.write_all(format!("{question}\n").as_bytes())?;

@@ -11,9 +11,9 @@ use sagnac_log::setup::{Counter, PerAxis, RunDivision, Setup, WindowSize};
 
 use crate::files::loading;
 
-/// What the log cannot say of itself.
+/// Log settings (override the setup file).
 #[derive(Args, Clone, Default)]
-#[command(next_help_heading = "What the log cannot say (overrides the setup)")]
+#[command(next_help_heading = "Log settings (override the setup file)")]
 pub(crate) struct SetupArgs {
     /// Setup file (bench.toml)
     #[arg(long, value_name = "FILE")]
@@ -21,59 +21,59 @@ pub(crate) struct SetupArgs {
     /// Serial number of the gyro
     #[arg(long)]
     serial: Option<String>,
-    /// Axis letter, where the log's headers have none
+    /// Axis letter, for headers without one
     #[arg(long, hide_short_help = true)]
     axis: Option<char>,
-    /// Nominal scale factor, arcsec per count; never guessed
+    /// Nominal scale factor, arcsec per count
     #[arg(long, value_name = "ARCSEC")]
     arcsec_per_count: Option<f64>,
     /// Smallest step of the counts column, counts
     #[arg(long, value_name = "COUNTS", hide_short_help = true)]
     quantum: Option<f64>,
-    /// How the counts column counts
+    /// Kind of the counts column
     #[arg(long, value_enum, hide_short_help = true)]
     counter: Option<CounterWord>,
     /// Width of a wrapping cumulative counter
     #[arg(long, value_name = "BITS", hide_short_help = true)]
     counter_bits: Option<u8>,
-    /// Interval of a row, s; refused if it differs by over 2 % from the time column's
+    /// Row interval, s; must agree with the time column within 2 %
     #[arg(long, value_name = "S", hide_short_help = true)]
     sample_interval: Option<f64>,
-    /// Which of several gyros of a PX4 log, from 0
+    /// Number of the gyro in a PX4 log, from 0
     #[arg(long, value_name = "N", hide_short_help = true)]
     instance: Option<u8>,
-    /// Added to the time of temperatures, s
+    /// Time to add to temperatures, s
     #[arg(long, value_name = "S", allow_negative_numbers = true, hide_short_help = true)]
     temperature_offset: Option<f64>,
-    /// Input rate along the axis during the test, °/h; of several axes x=…,y=…,z=…
+    /// Input rate along the axis during the test, °/h; for several axes x=…,y=…,z=…
     #[arg(long, value_name = "DPH", allow_negative_numbers = true, hide_short_help = true)]
     input_rate: Option<PerAxis<f64>>,
     /// Analysis window: seconds, or `row` for one window per row
     #[arg(long, value_parser = window_size, hide_short_help = true)]
     window: Option<WindowSize>,
-    /// All files are one run, even with gaps between them
+    /// Treat all files as one run, even with gaps between them
     #[arg(long, conflicts_with = "runs", hide_short_help = true)]
     one_run: bool,
-    /// Each file is a separate run; otherwise a file with continuing time continues the run of the file before
+    /// Treat each file as a separate run; by default, continuing time continues the run
     #[arg(long, hide_short_help = true)]
     runs: bool,
     /// Temperature at which the correction is zero, °C
     #[arg(long, value_name = "C", allow_negative_numbers = true, hide_short_help = true)]
     reference: Option<f64>,
-    /// Discarded at the start of each run, s
+    /// Time to discard at the start of each run, s
     #[arg(long, value_name = "S", hide_short_help = true)]
     discard_initial: Option<f64>,
-    /// Smallest temperature span a fit is made on, °C
+    /// Smallest temperature span for a fit, °C
     #[arg(long, value_name = "C", hide_short_help = true)]
     min_span: Option<f64>,
-    /// Name of the thermometer that the model uses
+    /// Thermometer of the model
     #[arg(long, value_name = "NAME", hide_short_help = true)]
     thermometer: Option<String>,
-    /// Inputs besides the thermometer that `auto` may use, with commas between them: thermometers, "one - another", auxiliary
-    /// columns; `none` for none. An image alone reads its other inputs by them
+    /// Further inputs for `auto`, separated by commas: thermometers, "one - another", auxiliary columns, or `none`. They also name the
+    /// inputs of an image without a calibration
     #[arg(long, value_name = "NAMES", hide_short_help = true)]
     inputs: Option<String>,
-    /// Memory for the data of one run, such as 512MiB or 4GiB; a file that would take more is refused [default: 1GiB]
+    /// Memory limit for the data of one run, such as 512MiB or 4GiB [default: 1GiB]
     #[arg(long, value_name = "SIZE", value_parser = memory_budget, hide_short_help = true)]
     memory: Option<MemoryBudget>,
 }
@@ -83,7 +83,7 @@ pub(crate) struct SetupArgs {
 pub(crate) struct LogArgs {
     #[command(flatten)]
     pub(crate) setup: SetupArgs,
-    /// Keep the windows that look like bumps, steps or start-up
+    /// Keep windows with bumps, steps or start-up
     #[arg(long, hide_short_help = true)]
     pub(crate) keep_outliers: bool,
 }

@@ -21,10 +21,10 @@ pub(crate) struct SignArgs {
 /// What a signature says besides the image.
 #[derive(clap::Args)]
 pub(crate) struct BlockArgs {
-    /// Type of the gyro, as its firmware has it: at most 16 bytes
+    /// Gyro type in the firmware, at most 16 bytes
     #[arg(long, value_name = "NAME")]
     pub(crate) model: Option<String>,
-    /// The signer's counter: a gyro refuses one below the highest that it has stored
+    /// Counter of the signer: a gyro refuses a lower one than its highest
     #[arg(long, value_name = "N")]
     pub(crate) counter: Option<u32>,
 }

@@ -59,7 +59,7 @@ pub(crate) struct Args {
     /// The unit's lot, one of the prior's
     #[arg(long, value_name = "NAME", requires = "prior")]
     lot: Option<String>,
-    /// What each order buys out of sample, and what it costs on the target in instructions
+    /// Trade-off of model orders: error on unseen data against run time on the target
     #[arg(long)]
     tradeoff: bool,
     /// Corrects the warm-up since power-on too, where the runs hold one: every log must begin at power-on

@@ -17,7 +17,7 @@ use crate::output::tables::limits_table;
 use crate::output::terminal::table;
 use crate::verbs::verb::Verb;
 
-/// Hold calibrations of one unit against each other: cycles, turn-ons, months
+/// Compare calibrations of the same unit across cycles, turn-ons or months
 #[derive(clap::Args)]
 #[command(after_help = "\
 Example:

@@ -18,10 +18,10 @@ use crate::output::progress::open_log;
 use crate::output::tables::excluded;
 use crate::verbs::verb::Verb;
 
-/// Correct a log as the gyro's processor would, row by row
+/// Correct a log row by row, as the gyro's processor does
 ///
-/// From standard input to standard output it answers line by line. Exit status 1 where less than a stated part of the rows is corrected
-/// within the span of the fit; the corrected log is written all the same.
+/// From standard input to standard output, each row is answered at once. Exit status is 1 if too few rows (--corrected-min) fall inside
+/// the calibrated range. The corrected log is written anyway.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -36,7 +36,7 @@ pub(crate) struct Args {
     /// Corrected log: CSV, or Parquet for a name in .parquet; standard output by default
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Part of the rows that must be corrected within the span of the fit, 0 to 1
+    /// Smallest part of the rows to correct within the calibrated range, 0 to 1
     #[arg(long, value_name = "PART", default_value_t = 0.9, value_parser = part)]
     corrected_min: f64,
     #[command(flatten)]

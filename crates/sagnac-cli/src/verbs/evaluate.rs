@@ -18,10 +18,10 @@ use crate::verbs::verb::Verb;
 /// Most temperatures of one call.
 const MOST_POINTS: usize = 1_000_000;
 
-/// Evaluate the correction at temperatures: drift with its 95 % interval, scale factor
+/// Evaluate the correction at given temperatures: drift with its 95 % interval, scale factor
 ///
-/// The drift is zero at the reference temperature and at rest; other inputs are at their references. Outside the span of the
-/// fit the correction is the one at the border, as on the target.
+/// The drift is zero at the reference temperature and at rest. Other inputs are at their references. Outside the calibrated range the
+/// correction keeps its border value, as on the target.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

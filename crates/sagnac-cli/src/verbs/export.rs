@@ -24,7 +24,7 @@ use crate::output::terminal::table as drawn;
 use crate::verbs::line::send::frame_bytes;
 use crate::verbs::verb::Verb;
 
-/// Write a calibration as what the target holds: a flash image per axis, C99, or Verilog
+/// Write a calibration for the target: one flash image per axis, C99, or Verilog
 #[derive(clap::Args)]
 #[command(
     after_help = "\
@@ -42,24 +42,24 @@ Examples:
   sagnac export gyro.toml --to loops -o gyro.loops"
 )]
 pub(crate) struct Args {
-    /// Calibration, flash image or reference vectors; for `--to loops` the scenario whose loops are meant
+    /// Calibration, flash image or reference vectors; for `--to loops`, the scenario with the loops
     #[arg(value_name = "INPUT")]
     input: PathBuf,
-    /// What to write
+    /// Form of the output
     #[arg(long, value_enum)]
     to: Target,
-    /// File to write; for C and Verilog the folder
+    /// Output file; a folder for C and Verilog
     #[arg(short, long, value_name = "PATH")]
     output: PathBuf,
-    /// Sequence number of the image, above that of the image the gyro has [default: 1]
+    /// Sequence number of the image, higher than the one in the gyro [default: 1]
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SEQUENCE)))]
     sequence: Option<u32>,
     #[command(flatten)]
     signature: SignArgs,
-    /// Upload: store the image on trial. It is withdrawn after four starts without `sagnac line send confirm`
+    /// Upload: store the image on trial. The gyro withdraws it after four starts without `sagnac line send confirm`
     #[arg(long)]
     trial: bool,
-    /// C and Verilog: the loops too, of this scenario or table of the loops
+    /// C and Verilog: also write the loops of this scenario or loop table
     #[arg(long, value_name = "FILE")]
     loops: Option<PathBuf>,
     /// C: parts around the correction; all four bring the reference vectors and a Makefile too
@@ -102,7 +102,7 @@ enum Target {
     Verilog,
     /// Table of the control loops (docs/reference/loop-table.md)
     Loops,
-    /// Messages that bring an image to a gyro over its serial line (docs/reference/serial-line.md)
+    /// Messages that load an image over the serial line (docs/reference/serial-line.md)
     Upload,
     /// Data sheet of the image as a parameter data item, in Markdown (docs/explanation/certification.md)
     DataSheet,

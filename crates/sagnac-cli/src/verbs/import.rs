@@ -12,7 +12,7 @@ use crate::args::setup::numbers;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::verbs::verb::Verb;
 
-/// Turn an old polynomial correction into a calibration, so that it can be verified too
+/// Turn an old polynomial correction into a calibration, for example to verify it
 #[derive(clap::Args)]
 #[command(after_help = "\
 Example (the paper's curve):
@@ -21,10 +21,10 @@ pub(crate) struct Args {
     /// Counts per window over °C, highest power first: A,B,C for A·T² + B·T + C
     #[arg(long, allow_hyphen_values = true)]
     polynomial: String,
-    /// The window the counts are summed over, s
+    /// Window of the summed counts, s
     #[arg(long, value_name = "S")]
     window: f64,
-    /// Temperatures it was made from, °C: LO,HI
+    /// Temperature range of the polynomial, °C: LO,HI
     #[arg(long, allow_hyphen_values = true)]
     span: String,
     /// Nominal scale factor, arcsec per count

@@ -16,9 +16,9 @@ use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::verbs::verb::Verb;
 
-/// Look at a log and write a commented setup for it
+/// Write a commented setup file for a log
 ///
-/// Asks nothing. Each guess is marked GUESS, and what no log can say is left open.
+/// Asks nothing. Marks each guess with GUESS, and leaves a blank for anything the log cannot tell.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Example:

@@ -59,10 +59,10 @@ enum Action {
         /// Public key
         #[arg(long, value_name = "FILE")]
         key: PathBuf,
-        /// Type of the gyro that it must be signed for
+        /// Gyro type in the signature
         #[arg(long, value_name = "NAME")]
         model: Option<String>,
-        /// Lowest counter that is trusted
+        /// Lowest trusted counter
         #[arg(long, value_name = "N", default_value_t = 0)]
         counter: u32,
     },

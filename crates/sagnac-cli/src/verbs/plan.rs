@@ -15,40 +15,40 @@ use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table;
 use crate::verbs::verb::Verb;
 
-/// Plan the shortest thermal test with which the next unit of a fleet is expected to meet its limits
+/// Find the shortest test likely to qualify the next unit
 ///
-/// Temperatures, ramps and soaks for a chamber. The unit is then calibrated with the same prior.
+/// Writes temperatures, ramps and soaks for a chamber. Calibrate the unit with the same prior afterwards.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   sagnac plan --prior fleet.prior.json --limits navigation-grade
   sagnac plan --prior fleet.prior.json --lot A --limits limits.toml --start 22 --ramps 0.5,1 --block-lag 20 -o test.csv")]
 pub(crate) struct Args {
-    /// What is known of the unit: a file of `sagnac fleet prior`
+    /// Prior knowledge of the unit: a file of `sagnac fleet prior`
     #[arg(long, value_name = "FILE")]
     prior: PathBuf,
-    /// The unit's lot, one of the prior's
+    /// Lot of the unit, from the prior
     #[arg(long, value_name = "NAME")]
     lot: Option<String>,
-    /// Limits that the unit is to meet: a TOML file, or `navigation-grade` or `paper`
+    /// Limits for the unit: a TOML file, or `navigation-grade` or `paper`
     #[arg(long, value_name = "FILE|SET")]
     limits: String,
-    /// Setup file: its noise takes the place of the fleet's; also its window and its reference temperature
+    /// Setup file: its noise, window and reference temperature override the fleet's
     #[arg(long, value_name = "FILE")]
     setup: Option<PathBuf>,
     /// Temperature at the start of the test, °C
     #[arg(long, default_value_t = 25.0, value_name = "CELSIUS", allow_negative_numbers = true)]
     start: f64,
-    /// Rates at which the chamber ramps, °C/min
+    /// Ramp rates of the chamber, °C/min
     #[arg(long, default_value = "1", value_name = "RATES")]
     ramps: String,
     /// Lag of the gyro's block behind the chamber, min
     #[arg(long, default_value_t = 0.0, value_name = "MINUTES")]
     block_lag: f64,
-    /// Probability with which the unit is to meet the limits
+    /// Required probability that the unit meets the limits
     #[arg(long, default_value_t = 0.95)]
     probability: f64,
-    /// Part of each limit that the error of the correction may take; the rest is for the retest's noise
+    /// Share of each limit for the correction error; the rest is for the retest's noise
     #[arg(long, default_value_t = 0.5)]
     share: f64,
     /// Longest test, h

@@ -20,9 +20,9 @@ use crate::output::terminal::table;
 use crate::output::verification_brief::verification_brief;
 use crate::verbs::verb::Verb;
 
-/// Prove on another test what a correction gains
+/// Verify a correction on a separate test
 ///
-/// The retest is replayed at the true tick through the firmware's own code, from the bytes that ship.
+/// Runs the retest through the firmware code, at the true tick, from the exact image that you will ship.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Example:
@@ -60,7 +60,7 @@ enum Exclude {
 
 /// The head of an acceptance report.
 #[derive(clap::Args, Clone, Default)]
-#[command(next_help_heading = "Head of an acceptance report, a line for the pen by default")]
+#[command(next_help_heading = "Head of an acceptance report (default: blank lines to fill in by hand)")]
 struct SheetArgs {
     /// Number of the document
     #[arg(long, value_name = "NUMBER", hide_short_help = true)]
@@ -68,10 +68,10 @@ struct SheetArgs {
     /// Who ran the test
     #[arg(long, value_name = "NAME", hide_short_help = true)]
     operator: Option<String>,
-    /// Day of the test, such as 2024-02-29
+    /// Test date, such as 2024-02-29
     #[arg(long, value_name = "DATE", hide_short_help = true)]
     test_date: Option<NaiveDate>,
-    /// Day of the report; the clock is never asked
+    /// Report date (never taken from the system clock)
     #[arg(long, value_name = "DATE", hide_short_help = true)]
     report_date: Option<NaiveDate>,
 }

@@ -51,7 +51,7 @@ pub const COMPARED: [ComparedLimit; 9] = [
     ComparedLimit {
         key: "drift_dph_per_cpm_max",
         label: "difference of two rate effects at T0",
-        from: "records with rate terms; not asked where none has any",
+        from: "records with rate terms",
         value: |all| all.of_rates(),
     },
     ComparedLimit {
@@ -63,7 +63,7 @@ pub const COMPARED: [ComparedLimit; 9] = [
     ComparedLimit {
         key: "bias_repeatability_dph_max",
         label: "difference of the mean fixed biases of two records at T0",
-        from: "run offsets less the input rate; not asked where a record does not know it",
+        from: "run offsets less the input rate, where all records have one",
         value: |all| {
             all.of_bias(|biases| ComparedValue::Pairs(pairs_of(biases, |a, b| Ok(difference(a.mean, b.mean)))))
         },
@@ -83,7 +83,7 @@ pub const COMPARED: [ComparedLimit; 9] = [
     ComparedLimit {
         key: "scale_factor_repeatability_ppm_max",
         label: "difference of two scale factors at the temperature where it is worst",
-        from: "records from a rate table; not asked of others",
+        from: "records from a rate table",
         value: |all| all.of_scale(|| all.pairs(|a, b| all.change_of_scale(a, b))),
     },
     ComparedLimit {

@@ -141,7 +141,7 @@ mod tests {
                 (limits.source.clone(), Some(7))
             );
             let other = text.replace(&program(), "sagnac 0.0.1");
-            assert!(Recipe::from_json(&other).unwrap_err().what.contains("asked by sagnac 0.0.1"));
+            assert!(Recipe::from_json(&other).unwrap_err().what.contains("the scheduler runs sagnac 0.0.1"));
         }
         for text in ["", "{}", "[1]", "{\"program\":7}"] {
             assert!(Recipe::from_json(text).is_err(), "{text}");

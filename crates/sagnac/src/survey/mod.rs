@@ -178,8 +178,8 @@ fn slow_readings(thermometer: &ThermometerSurvey, windows: &Windows) -> Option<S
     let is_slow = every_s > SLOW_PART * windows.shape.nominal_s && every_s > windows.shape.sample_interval_s;
     is_slow.then(|| {
         format!(
-            "a temperature is read every {every_s:.0} s and holds until the next: on a ramp it is half of that behind, which the fit takes for \
-             an effect of the temperature rate; a thermometer that is read more often has another one"
+            "the thermometer gives one reading every {every_s:.0} s, half of that late on a ramp: the fit counts the delay as \
+             an effect of the temperature rate, different for a faster thermometer"
         )
     })
 }
@@ -195,10 +195,7 @@ fn covered(windows: &Windows, setup: &Setup, main: Option<usize>) -> Result<()> 
         return Ok(());
     }
     Err(Error::refused(
-        format!(
-            "single readings reach {least_c} °C, but the means of the windows span only {:.2} °C",
-            (hi - lo).max(0.0)
-        ),
+        format!("single readings span {least_c} °C, and the means of the windows only {:.2} °C", (hi - lo).max(0.0)),
         "test over a wider range, or set a shorter --window",
     ))
 }
@@ -207,13 +204,13 @@ fn covered(windows: &Windows, setup: &Setup, main: Option<usize>) -> Result<()> 
 fn noise(windows: &Windows) -> std::result::Result<(), String> {
     let rows: u64 = windows.runs.iter().flat_map(|run| &run.files).map(|file| file.summary.rows).sum();
     if rows < FEWEST_ROWS {
-        return Err(format!("{rows} rows are too few for noise terms, which need {FEWEST_ROWS}"));
+        return Err(format!("{rows} rows are too few for noise terms: {FEWEST_ROWS} are needed"));
     }
     if !windows.shape.timed {
         return Err("the rows have no time".to_owned());
     }
     let shows = (0..windows.shape.axes.len()).any(|axis| windows.measured_noise(axis).is_some());
-    if shows { Ok(()) } else { Err("the counts of no axis show any noise".to_owned()) }
+    if shows { Ok(()) } else { Err("the counts contain no noise".to_owned()) }
 }
 
 /// An end of the span that rests on few windows: a short excursion, or a thermometer that was wrong for some minutes.
@@ -224,7 +221,7 @@ fn thin_end(used: &[&WindowPoint]) -> Option<String> {
     let ends = [("lower", lo, lo + third), ("upper", hi - third, hi)];
     ends.into_iter().find_map(|(which, from, to)| {
         let n = known().filter(|c| (from..=to).contains(c)).count();
-        let windows = if n == 1 { "1 window holds".to_owned() } else { format!("{n} windows hold") };
+        let windows = if n == 1 { "1 window covers".to_owned() } else { format!("{n} windows cover") };
         (n < FEWEST_OF_THIRD).then(|| format!("only {windows} the {which} third of the span, {from:.1} … {to:.1} °C"))
     })
 }
@@ -274,16 +271,16 @@ fn profile(windows: &Windows, main: Option<usize>) -> Vec<String> {
     }
     out.extend(thin_end(&used));
     if !windows.shape.timed {
-        out.push("the rows have no time: no term over the temperature rate".to_owned());
+        out.push("the rows have no time, so rate terms are impossible".to_owned());
         return out;
     }
     let count = |leg: Leg| used.iter().filter(|p| p.leg() == leg).count();
     match [Leg::Heating, Leg::Cooling].map(|leg| count(leg) >= FEWEST_OF_LEG) {
         [true, false] => {
-            out.push("it heats and never cools: hysteresis and rate terms cannot be told from the curve".to_owned())
+            out.push("it heats and never cools: hysteresis and rate terms are not separable from the curve".to_owned())
         }
         [false, true] => {
-            out.push("it cools and never heats: hysteresis and rate terms cannot be told from the curve".to_owned())
+            out.push("it cools and never heats: hysteresis and rate terms are not separable from the curve".to_owned())
         }
         _ => {}
     }
@@ -291,7 +288,7 @@ fn profile(windows: &Windows, main: Option<usize>) -> Vec<String> {
         out.push("it has no soak: the bias at rest of temperature is extrapolated from ramps".to_owned());
     }
     if rate_explained(&all).is_some_and(|part| part > TOGETHER) {
-        out.push("temperature and its rate moved together: the calibration holds for this profile alone".to_owned());
+        out.push("temperature and its rate moved together: the calibration is valid for this profile alone".to_owned());
     }
     if time_explained(&all).is_some_and(|part| part > TOGETHER) {
         out.push("temperature and time moved together: a drift with time becomes a curve over temperature".to_owned());

@@ -101,7 +101,7 @@ impl<'a> ThermometerReadings<'a> {
         let hours = longest.len() as f64 * self.interval_s / 3600.0;
         (lively && longest.len() >= FROZEN_READINGS).then(|| {
             format!(
-                "{} reads {:.3} °C for {hours:.2} h without its noise: frozen, or its readings are missing",
+                "{} is stuck at {:.3} °C for {hours:.2} h, or its readings are missing",
                 in_words(self.name),
                 longest[0]
             )
@@ -135,7 +135,7 @@ fn standing_still(windows: &Windows) -> Vec<(usize, String)> {
                 if !faults.iter().any(|(known, _)| *known == place) {
                     let hours = at as f64 * s_from_ns(windows.shape.period_ns) / 3600.0;
                     let what = format!(
-                        "{} stands still at {:.2} °C while another thermometer moves, first seen {hours:.2} h after the start of {}",
+                        "{} is stuck at {:.2} °C while another thermometer moves, first {hours:.2} h after the start of {}",
                         in_words(&names[place]),
                         track[at],
                         file_name(&run.name())

@@ -35,20 +35,20 @@ use crate::verbs::verb::Verb;
 /// Address of the page, if it is free.
 const PAGE: &str = "127.0.0.1:8647";
 
-/// Record a thermal test as it runs, show it, and say when enough is known
+/// Record a thermal test live and tell you when it is complete
 ///
-/// Every byte goes to the journal next to the log first (LOG.journal), so that `kill -9` and a power cut cost at most a second, and --resume goes
-/// on. Ctrl-C ends the recording: the log is written as Parquet, and calibrated. A second Ctrl-C leaves at once; --resume or --finish go on then.
+/// Every byte goes first to a journal next to the log (LOG.journal). `kill -9` or a power cut costs at most a second, and --resume continues.
+/// Ctrl-C ends the recording, writes the log as Parquet, and calibrates it. A second Ctrl-C exits at once; continue with --resume or --finish.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   sagnac bench bench.toml --source serial:/dev/ttyUSB0 -o run.parquet --calibration unit.cal.json
   sagnac simulate scenarios/paper/paper.toml | sagnac bench bench.toml --source - -o run.parquet")]
 pub(crate) struct Args {
-    /// Setup file, whose [bench] names the sources
+    /// Setup file with the sources under [bench]
     #[arg(value_name = "SETUP")]
     bench: Option<PathBuf>,
-    /// Log to write when the test has ended: Parquet
+    /// Log to write at the end of the test: Parquet
     #[arg(short, long, value_name = "FILE")]
     output: PathBuf,
     /// Source of the gyro's bytes (overrides the setup)
@@ -56,15 +56,15 @@ pub(crate) struct Args {
     /// -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE?baud=115200, replay:LOG?speed=10
     #[arg(long, value_name = "SOURCE")]
     source: Option<String>,
-    /// Go on with the recording of this log
+    /// Continue the recording of this log
     #[arg(long)]
     resume: bool,
-    /// Record nothing more: make the log of what was recorded
+    /// Stop recording: make the log of the recorded rows
     ///
-    /// With the setup of the recording, or a corrected one that is given
+    /// Uses the setup of the recording, or a corrected one on the command line
     #[arg(long, conflicts_with_all = ["resume", "source"])]
     finish: bool,
-    /// Limits that the unit is to meet: a file or the name of a set
+    /// Limits for the unit: a file or the name of a set
     #[arg(long, value_name = "LIMITS")]
     limits: Option<String>,
     /// `met`: end the recording when the test is complete
@@ -75,7 +75,7 @@ pub(crate) struct Args {
     /// Address of the page, or `none`
     #[arg(long = "page", id = "address", value_name = "ADDRESS", default_value = PAGE)]
     page_address: String,
-    /// The figures in text on this terminal
+    /// Show the figures as text on this terminal
     #[arg(long)]
     tui: bool,
     /// Calibration to write at the end

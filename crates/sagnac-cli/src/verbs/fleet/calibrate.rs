@@ -18,8 +18,8 @@ use crate::verbs::verb::Verb;
 
 /// Calibrate every unit of a folder or a manifest
 ///
-/// Records are those of `sagnac calibrate`, byte for byte. A unit without a calibration is a row with its reason, and exit status 1. A
-/// second run does only what has changed.
+/// Records equal those of `sagnac calibrate`, byte for byte. A unit without a calibration gets a row with its reason, and exit status is 1.
+/// A second run works only on changed units.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -36,13 +36,13 @@ pub(crate) struct Args {
     /// `auto`, or orders: "bias 3, rate 1"
     #[arg(long, default_value = "auto")]
     model: String,
-    /// What is known of the units before their tests: a file of `sagnac fleet prior`, whose model they take
+    /// Prior knowledge of the units, with its model: a file of `sagnac fleet prior`
     #[arg(long, value_name = "FILE", conflicts_with = "model")]
     prior: Option<PathBuf>,
-    /// Limits that retests are to meet: a TOML file, or `navigation-grade` or `paper`
+    /// Limits for the retests: a TOML file, or `navigation-grade` or `paper`
     #[arg(long, value_name = "FILE|SET")]
     limits: Option<String>,
-    /// Does every unit, also those that have not changed
+    /// Calibrate all units again, unchanged ones too
     #[arg(long)]
     again: bool,
     /// Units at a time [default: one for each processor]

@@ -16,9 +16,9 @@ use crate::output::console::{Console, Outcome, Ran};
 use crate::output::shell::command_line;
 use crate::verbs::verb::Verb;
 
-/// Simulate a factory: 200 units, what their tests say, and a shorter test for the next twenty
+/// Simulate a factory: 200 units, their tests, and a shorter test for the next twenty
 ///
-/// Every step is a command of this program, which is shown, and can be done again by hand in the folder.
+/// Each step prints its command, which you can run again in the folder.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Example:
@@ -27,7 +27,7 @@ pub(crate) struct Args {
     /// Folder to make, with the units' logs and all results
     #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
-    /// Units of the fleet; a tenth as many are tested briefly
+    /// Number of units; a tenth of them get the short test
     #[arg(long, default_value_t = 200, value_parser = clap::value_parser!(u32).range(60..=5000))]
     units: u32,
     /// Seed of the simulation

@@ -8,7 +8,7 @@ mod report;
 use crate::output::console::{Console, Ran};
 use crate::verbs::verb::Verb;
 
-/// Calibrate a factory's gyros, and learn from them what the next one is like
+/// Calibrate all gyros of a factory, and predict the next one
 #[derive(clap::Args)]
 pub(crate) struct Args {
     #[command(subcommand)]

@@ -12,9 +12,9 @@ use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table;
 use crate::verbs::verb::Verb;
 
-/// Learn from a fleet how the next unit's coefficients are expected to be
+/// Learn the coefficients to expect of the next unit
 ///
-/// Mean and covariance of the units' coefficients on the common basis, freed of what their tests add, without outliers.
+/// Mean and covariance of the units' coefficients on the common basis, without test errors and outliers.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -22,16 +22,16 @@ Examples:
   sagnac fleet prior fleet/ --without-rig west -o fleet.prior.json
   sagnac fleet prior here.prior.json there.prior.json -o both.prior.json")]
 pub(crate) struct Args {
-    /// Folders of `sagnac fleet calibrate`, and priors of other fleets: merged
+    /// Folders of `sagnac fleet calibrate` and priors of other fleets, to merge
     #[arg(required = true, value_name = "FLEET")]
     fleets: Vec<PathBuf>,
     /// Prior to write
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Model of the units that are used; that of most by default
+    /// Use the units with this model [default: the most frequent]
     #[arg(long)]
     model: Option<String>,
-    /// A rig whose units are not used, such as one that `fleet report` names; may be given again
+    /// Leave out the units of this rig, such as one in `fleet report`; repeatable
     #[arg(long, value_name = "RIG")]
     without_rig: Vec<String>,
     /// One JSON object on standard output, text on standard error

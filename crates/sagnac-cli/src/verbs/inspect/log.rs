@@ -132,9 +132,9 @@ fn described(
     let assumed = Setup { arcsec_per_count: setup.arcsec_per_count.or(Some(1.0)), ..setup.clone() };
     let mut survey = survey(windows, if scale_known { setup } else { &assumed })?;
     if !scale_known {
-        survey.cautions.push(
-            "the size of a count is not known (--arcsec-per-count): rates below are counts per second".to_owned(),
-        );
+        survey
+            .cautions
+            .push("count size unknown: rates below are counts per second. Set --arcsec-per-count".to_owned());
     }
     let object = object_of(windows, survey, ignored, kind, scale_known);
     say(&object, scale_known, console);
@@ -148,7 +148,7 @@ fn described(
 
 fn say(object: &LogObject, scale_known: bool, console: &mut Console) {
     console.say(format!(
-        "{} rows every {} s, {} s in all; {}, {} of them to be used",
+        "{} rows every {} s, {} s in all; {}, {} of them usable",
         object.rows,
         significant(object.sample_interval_s, 6),
         significant(object.length_s, 6),
@@ -158,7 +158,7 @@ fn say(object: &LogObject, scale_known: bool, console: &mut Console) {
     let Survey { good_for, reason, cautions, thermometers, coverage, axes, .. } = &object.survey;
     let because = reason.as_ref().map_or(String::new(), |why| format!(": {why}"));
     console.say(format!("verdict: {}{because}", good_for.name()));
-    cautions.iter().for_each(|caution| console.say(format!("mind: {caution}")));
+    cautions.iter().for_each(|caution| console.say(format!("note: {caution}")));
     console.say("");
     console.say(axes_table(&object.axes, axes, scale_known));
     if !thermometers.is_empty() {
@@ -225,7 +225,7 @@ fn missing(axes: &[AxisSurvey], console: &mut Console) {
         return;
     }
     console.say("");
-    console.say("as a retest it has no figure for these limits:");
+    console.say("this log cannot be checked against these limits:");
     for (line, letters) in said {
         let prefix = if letters.len() == axes.len() { String::new() } else { format!("axis {}: ", letters.join(" ")) };
         console.say(format!("  {prefix}{line}"));

@@ -18,19 +18,19 @@ use crate::output::console::{Console, Outcome, Ran};
 use crate::verbs::inspect::log::Wanted;
 use crate::verbs::verb::Verb;
 
-/// Say what a file is, and of a log what it is good for
+/// Identify a file and check what a log can be used for
 ///
-/// A log gets a verdict: good for calibration, for noise only, or for nothing. No model is searched for.
+/// A log gets a verdict: good for calibration, good for noise only, or not usable. The check fits no model.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   sagnac inspect cycle-1.csv --arcsec-per-count 1.059 --report cycle-1.html
   sagnac inspect cycle-1.csv cycle-2.csv --setup bench.toml --windows windows.csv")]
 pub(crate) struct Args {
-    /// Any file; several logs, a folder or a pattern of them are surveyed together
+    /// Any file. Several logs, a folder or a pattern are checked together
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
-    /// Table of the logs' windows to write, to look at: CSV, or Parquet for a name in .parquet
+    /// Window table to write: CSV, or Parquet for a name in .parquet
     #[arg(long, value_name = "FILE")]
     windows: Option<PathBuf>,
     #[command(flatten)]

@@ -22,15 +22,15 @@ const HEADER: &str =
 
 /// Read the frames of a gyro's serial line (docs/reference/serial-line.md) and write them as CSV
 ///
-/// Damaged and missing frames are counted; the gyro's replies are printed on standard error. Standard output gets each
-/// frame as a row at once, so that a live line may be ended with Ctrl-C; a file of -o is written at the end.
+/// Counts damaged and missing frames, and prints the gyro's replies on standard error. Standard output gets each frame as a row at once,
+/// so you can end a live line with Ctrl-C. A file of -o is written at the end.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   sagnac line read captured.bin -o frames.csv
   sagnac line read < /dev/ttyUSB0")]
 pub(crate) struct Args {
-    /// Bytes of the line; standard input by default
+    /// Received bytes; standard input by default
     #[arg(default_value = "-")]
     input: PathBuf,
     /// CSV to write; standard output by default

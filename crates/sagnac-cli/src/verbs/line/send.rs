@@ -29,13 +29,13 @@ pub(crate) struct Args {
 
 #[derive(Subcommand)]
 enum LineMessage {
-    /// The image on trial has proved itself: keep it
+    /// Keep the image on trial
     Confirm,
-    /// Go back to the image before
+    /// Go back to the previous image
     RollBack,
     /// Ask a gyro with a key for a challenge
     Service,
-    /// Answer its challenge: the service mode is open for one change
+    /// Answer the challenge, which opens the service mode for one change
     Answer {
         /// The challenge, as sagnac line read prints it
         #[arg(long, value_name = "HEX")]

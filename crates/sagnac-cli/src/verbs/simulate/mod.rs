@@ -35,19 +35,19 @@ Examples:
   sagnac simulate scenarios/square-28cm/square-28cm.toml --bode --report loops.html
   sagnac simulate --paper --report paper.html")]
 pub(crate) struct Args {
-    /// Gyro, test and faults; docs/reference/scenario.md has every key
+    /// Scenario file with gyro, test and faults (docs/reference/scenario.md)
     #[arg(value_name = "SCENARIO", required_unless_present = "paper")]
     scenario: Option<PathBuf>,
-    /// Reproduce the source paper instead: its rig, its table, its equations. The retest takes the next seed
+    /// Reproduce the source paper instead: its rig, its table, its equations. The retest uses the next seed
     #[arg(long, conflicts_with_all = ["scenario", "output", "truth", "bode", "fault"])]
     paper: bool,
-    /// Seed of all random numbers; that of the scenario by default, of the paper 1
+    /// Seed of all random numbers [default: the scenario's, 1 for the paper]
     #[arg(long)]
     seed: Option<u64>,
     /// Log to write: CSV, or Parquet for a name in .parquet; standard output by default
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Truth to write as CSV: true rate, every error source apart, temperatures, mode
+    /// Truth to write as CSV: true rate, each error source, temperatures, mode
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
     #[command(flatten)]
@@ -55,7 +55,7 @@ pub(crate) struct Args {
     /// Sweep both running loops instead, and print their open-loop gain next to the design
     #[arg(long)]
     bode: bool,
-    /// Break something: KIND, KIND@START+SECONDS or KIND@START+SECONDS:SIZE (docs/explanation/simulator.md lists the kinds)
+    /// Add a fault: KIND, KIND@START+SECONDS or KIND@START+SECONDS:SIZE (docs/explanation/simulator.md lists the kinds)
     #[arg(long, value_name = "FAULT")]
     fault: Vec<String>,
 }

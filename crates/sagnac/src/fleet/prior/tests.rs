@@ -239,7 +239,7 @@ fn one_gyro_has_one_name() {
     let mut draws = Draws(8);
     let is_refused = |units: &[UnitResult]| match Prior::learned(units, None) {
         Ok(_) => false,
-        Err(e) => e.what.contains("fall into groups") && e.help.contains("each gyro one name"),
+        Err(e) => e.what.contains("form groups") && e.help.contains("each gyro one name"),
     };
     for (gyros, tests, least) in [(2, 15, 90), (4, 8, 90), (6, 6, 85), (10, 4, 80)] {
         let refused = (0..100).filter(|_| is_refused(&few_under_many_names(&mut draws, gyros, tests))).count();
@@ -399,7 +399,7 @@ fn a_changed_file_is_refused() {
         let mut changed = whole.clone();
         change(&mut changed);
         let error = Prior::from_json(&changed.to_string()).unwrap_err();
-        refused += u32::from(error.what.contains("changed after it was made"));
+        refused += u32::from(error.what.contains("the file was edited"));
     }
     assert_eq!(refused, 6);
 }

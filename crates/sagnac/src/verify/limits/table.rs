@@ -80,7 +80,7 @@ impl Applies {
                 let both = axis.turned_about && axis.scale_factor_calibrated;
                 unless(both, "needs a rate table in calibration and retest")
             }
-            Self::Excluding => unless(axis.excluded_fraction.is_some(), "nothing was asked to be excluded"),
+            Self::Excluding => unless(axis.excluded_fraction.is_some(), "no data excluded"),
             Self::SoaksAndRamps => {
                 unless(axis.residual.ramp_offset_dph.is_some(), "needs 20 windows of soaks and 20 of ramps")
             }
