@@ -107,18 +107,18 @@ pub(crate) fn compare(records: Vec<(String, PyRef<'_, Calibration>)>, limits: Op
 
 impl Calibration {
     fn behind(&self) -> PyResult<&(Windows, ReportData)> {
-        self.behind.as_deref().ok_or_else(|| {
-            exception(
-                Error::input("a record from a file has no windows", "calibrate the runs again"),
-            )
-        })
+        self.behind
+            .as_deref()
+            .ok_or_else(|| exception(Error::input("a record from a file has no windows", "calibrate the runs again")))
     }
 
     fn axis(&self, letter: &str) -> PyResult<&sagnac::AxisCalibration> {
         let mut letters = letter.chars();
         match (letters.next(), letters.next()) {
             (Some(letter), None) => self.record.axis(letter).map_err(exception),
-            _ => Err(exception(Error::input("an axis is one letter", "give one letter, such as \"x\"").column("axis").value(letter))),
+            _ => Err(exception(
+                Error::input("an axis is one letter", "give one letter, such as \"x\"").column("axis").value(letter),
+            )),
         }
     }
 
@@ -170,8 +170,11 @@ impl Calibration {
         let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
         let write = || -> Result<()> {
             if let Some((_, path)) = files.iter().zip(&paths).find(|(file, path)| !file.may_replace(path)) {
-                return Err(Error::input("the export would overwrite a file that another program wrote", "export into an empty folder, such as export/")
-                    .file(path.display().to_string()));
+                return Err(Error::input(
+                    "the export would overwrite a file that another program wrote",
+                    "export into an empty folder, such as export/",
+                )
+                .file(path.display().to_string()));
             }
             for (file, path) in files.iter().zip(&paths) {
                 let above = path.parent().unwrap_or(Path::new("."));

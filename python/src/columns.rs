@@ -38,7 +38,13 @@ pub(crate) fn schema_of(columns: &[(String, String)]) -> sagnac::Result<SchemaRe
             "?" => DataType::Boolean,
             "ns" => DataType::Timestamp(TimeUnit::Nanosecond, None),
             "U" => DataType::Utf8,
-            other => return Err(sagnac::Error::input(format!("a column cannot be of the kind {other}"), "convert it to numbers, times or text").column(name)),
+            other => {
+                return Err(sagnac::Error::input(
+                    format!("a column cannot be of the kind {other}"),
+                    "convert it to numbers, times or text",
+                )
+                .column(name));
+            }
         };
         Ok(Field::new(name, kind, true))
     };
@@ -61,7 +67,12 @@ impl ColumnParts {
         let columns: PyResult<Vec<ArrayRef>> =
             fields.zip(parts.iter()).map(|(field, part)| array_of(field.data_type(), &part)).collect();
         let batch = RecordBatch::try_new(Arc::clone(&self.schema), columns?);
-        batch.map(Some).map_err(|e| crate::errors::exception(sagnac::Error::input(format!("the columns differ in length or kind: {e}"), "give columns of one length")))
+        batch.map(Some).map_err(|e| {
+            crate::errors::exception(sagnac::Error::input(
+                format!("the columns differ in length or kind: {e}"),
+                "give columns of one length",
+            ))
+        })
     }
 }
 
@@ -108,7 +119,10 @@ fn array_of(kind: &DataType, part: &Bound<'_, PyAny>) -> PyResult<ArrayRef> {
     let nulls = mask.map(|mask| NullBuffer::from_iter(mask.iter().map(|gone| *gone == 0)));
     let rows = if *kind == DataType::Boolean { bytes.len() } else { bytes.len() / 8 };
     if mask.is_some_and(|mask| mask.len() != rows) {
-        return Err(crate::errors::exception(sagnac::Error::input("the mask and its column differ in length", "give a mask with one value per row")));
+        return Err(crate::errors::exception(sagnac::Error::input(
+            "the mask and its column differ in length",
+            "give a mask with one value per row",
+        )));
     }
     // numpy's NaT is the least number.
     let known = |ns: Vec<i64>| -> Vec<Option<i64>> {

@@ -24,7 +24,12 @@ impl Compensator {
     /// Of an image's bytes, signed or not.
     #[new]
     fn new(image: &[u8]) -> PyResult<Self> {
-        let refused = |e: String| exception(sagnac::Error::input(format!("not a usable image: {e}"), "export the calibration again: calibration.image(axis, 1)"));
+        let refused = |e: String| {
+            exception(sagnac::Error::input(
+                format!("not a usable image: {e}"),
+                "export the calibration again: calibration.image(axis, 1)",
+            ))
+        };
         let (bytes, _) = SignatureBlock::split(image).map_err(|e| refused(e.to_string()))?;
         let image = Image::decode(bytes).map_err(|e| refused(e.to_string()))?;
         Ok(Self { compensator: sagnac_core::Compensator::new(image), state: State::new(), status: Status::OK })
@@ -89,7 +94,12 @@ impl Compensator {
     /// A slow update with the next row of codes; its status bits.
     fn update_from(&mut self, row: Option<&[[u8; 4]]>) -> PyResult<u32> {
         let none_needed = (self.inputs() == 0).then_some(&[][..]);
-        let missing = || exception(sagnac::Error::input("an update is due, and there are no more codes", "give one row of codes for each update"));
+        let missing = || {
+            exception(sagnac::Error::input(
+                "an update is due, and there are no more codes",
+                "give one row of codes for each update",
+            ))
+        };
         let row = row.or(none_needed).ok_or_else(missing)?;
         let codes: Vec<Option<i32>> = row.iter().map(|code| known(i32::from_le_bytes(*code))).collect();
         let updated = self.compensator.update(&mut self.state, &codes).map_err(misuse)?;

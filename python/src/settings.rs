@@ -5,8 +5,9 @@ use sagnac::{Error, Limits, Result, Setup};
 /// A setup of a file, then keys as JSON: each takes the place of the file's.
 pub(crate) fn setup(base: Setup, file: Option<&str>, keys: &str) -> Result<Setup> {
     let base = file.map(Setup::read).transpose()?.unwrap_or(base);
-    let broken =
-        |e: serde_json::Error| Error::input(format!("setup: {e}"), "correct the key: docs/reference/cli.md lists all of them");
+    let broken = |e: serde_json::Error| {
+        Error::input(format!("setup: {e}"), "correct the key: docs/reference/cli.md lists all of them")
+    };
     let keys: serde_json::Map<String, serde_json::Value> = serde_json::from_str(keys).map_err(broken)?;
     if keys.is_empty() {
         return Ok(base);

@@ -15,7 +15,10 @@ use crate::work::away;
 pub(crate) fn simulate(py: Python<'_>, toml: String, seed: Option<u64>) -> PyResult<Table> {
     let columns = away(py, move |stop| {
         let refused = |problem: ScenarioError| {
-            let error = Error::input(problem.message.clone(), "correct the key: docs/reference/scenario.md lists each with its unit and range");
+            let error = Error::input(
+                problem.message.clone(),
+                "correct the key: docs/reference/scenario.md lists each with its unit and range",
+            );
             let error = if problem.key.is_empty() { error } else { error.column(problem.key.clone()) };
             problem.line.map_or(error.clone(), |line| error.line(line))
         };

@@ -48,8 +48,11 @@ impl Sources {
             if let Source::Path(path) = source {
                 std::fs::metadata(path).map_err(|e| Error::io_path(path, "open", &e))?;
                 if begins_with(path, b"{") || begins_with(path, &MAGIC) {
-                    let what = "an image or calibration where a log is needed";
-                    return Err(Error::input("a log is needed, and this is an image or a calibration", "give the log that the test recorded").file(path.display().to_string()));
+                    return Err(Error::input(
+                        "a log is needed, and this is an image or a calibration",
+                        "give the log that the test recorded",
+                    )
+                    .file(path.display().to_string()));
                 }
             }
         }
@@ -62,7 +65,11 @@ fn no_stream(py: Python<'_>, raised: PyErr, name: &str) -> PyErr {
     if !raised.is_instance_of::<PyValueError>(py) {
         return raised;
     }
-    let error = Error::input(format!("not a table: {}", raised.value(py)), "give a table with named columns, of numbers, times and text").file(name);
+    let error = Error::input(
+        format!("not a table: {}", raised.value(py)),
+        "give a table with named columns, of numbers, times and text",
+    )
+    .file(name);
     crate::errors::exception(error)
 }
 
@@ -91,7 +98,9 @@ impl Source {
     fn open(&self, setup: &Setup, mode: ReadMode, stop: &Stop) -> Result<LogReader> {
         fn once<T>(of: &Mutex<Option<T>>, name: &str) -> Result<T> {
             let taken = of.lock().unwrap_or_else(PoisonError::into_inner).take();
-            taken.ok_or_else(|| Error::input("this table was read before", "make a new iterator for each call").file(name))
+            taken.ok_or_else(|| {
+                Error::input("this table was read before", "make a new iterator for each call").file(name)
+            })
         }
         let table = match self {
             Self::Path(path) => {

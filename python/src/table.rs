@@ -22,7 +22,7 @@ impl Table {
         let batch = RecordBatch::try_new(schema, columns.into_iter().map(|(_, column)| column).collect());
         batch
             .map(Self)
-            .map_err(|e| crate::errors::exception(sagnac::sagnac::Error::defect(format!("cannot make the table: {e}"))))
+            .map_err(|e| crate::errors::exception(sagnac::Error::defect(format!("cannot make the table: {e}"))))
     }
 }
 

@@ -81,7 +81,12 @@ pub(crate) fn away<T: Send + 'static>(
         // After a stop the caller may be gone.
         let _ = sender.send(done(&of_worker, work));
     });
-    started.map_err(|e| crate::errors::exception(sagnac::Error::input(format!("no thread can be started: {e}"), "raise the limit of threads (`ulimit -u`)")))?;
+    started.map_err(|e| {
+        crate::errors::exception(sagnac::Error::input(
+            format!("no thread can be started: {e}"),
+            "raise the limit of threads (`ulimit -u`)",
+        ))
+    })?;
     let mut patience = PATIENCE;
     loop {
         // A Receiver is not shared between threads: the closure owns it while the lock is released.
@@ -109,7 +114,9 @@ pub(crate) fn away<T: Send + 'static>(
 
 fn done<T: Send>(stop: &Stop, work: impl FnOnce(&Stop) -> sagnac::Result<T> + Send) -> Result<T, Ended> {
     let pool = rayon::ThreadPoolBuilder::new().stack_size(STACK_BYTES).build();
-    let pool = pool.map_err(|e| sagnac::Error::input(format!("no thread can be started: {e}"), "raise the limit of threads (`ulimit -u`)"))?;
+    let pool = pool.map_err(|e| {
+        sagnac::Error::input(format!("no thread can be started: {e}"), "raise the limit of threads (`ulimit -u`)")
+    })?;
     let worked = catch_unwind(AssertUnwindSafe(|| pool.install(|| work(stop))));
     if let Some(raised) = stop.raised.lock().unwrap_or_else(PoisonError::into_inner).take() {
         return Err(Ended::Raised(raised));
@@ -125,6 +132,9 @@ fn ended_by(unwound: &(dyn Any + Send)) -> Ended {
 }
 
 fn defect() -> Ended {
-    sagnac::Error::input("a defect of this package: the work ended without a result", "please report it with the table and the call")
-        .into()
+    sagnac::Error::input(
+        "a defect of this package: the work ended without a result",
+        "please report it with the table and the call",
+    )
+    .into()
 }

@@ -165,7 +165,7 @@ def test_values_of_a_series(frame: pandas.DataFrame) -> None:
     wanted = sagnac.allan(values, fs=10.0).adev
     for form in (pandas.Series(values), polars.Series(values), pyarrow.array(values), values.tolist()):
         assert numpy.array_equal(sagnac.allan(form, fs=10.0).adev, wanted)
-        with pytest.raises(sagnac.InputError, match="values a second"):
+        with pytest.raises(sagnac.InputError, match="sample rate|number above 0"):
             sagnac.allan(form)
     for keys in ({"fs": "10"}, {"fs": 10.0, "sample_interval_s": 5.0}, {"fs": 10.0, "taus": None}, {"fs": 10.0, "taus": ["a"]}):
         with pytest.raises(sagnac.InputError):

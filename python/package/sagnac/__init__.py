@@ -96,14 +96,14 @@ def calibrate(
     """
     for name, value, of in [("model", model, str), ("warm_up", warm_up, bool), ("keep_outliers", keep_outliers, bool)]:
         if not isinstance(value, of):
-            raise InputError(f"{of.__name__} is needed, not {type(value).__name__}", name)
+            raise InputError(f"{of.__name__} is needed, not {type(value).__name__}", name, f"give a {of.__name__}")
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
     try:
         source_date_epoch = int(epoch) if epoch else None
         if source_date_epoch is not None and abs(source_date_epoch) >= 2**63:
             raise ValueError
     except ValueError:
-        raise InputError("not a whole number of seconds", "SOURCE_DATE_EPOCH") from None
+        raise InputError("must be whole seconds", "SOURCE_DATE_EPOCH", "set it to seconds since 1970") from None
     asked: dict[str, object] = {
         "model": model,
         "warm_up": warm_up,
@@ -149,7 +149,7 @@ def allan(
     if fs is not None:
         runs, keys = _of_values(runs, fs, quantity, keys)
     elif _is_values(runs):
-        raise InputError("an array needs the number of its values a second", "fs", "give fs=, in Hz")
+        raise InputError("an array needs its sample rate", "fs", "give fs=, in Hz")
     word, times = _taus(taus)
     given = runs_of(runs)
     with given.reading():
@@ -166,11 +166,11 @@ def _of_values(
     runs: object, fs: object, quantity: str, keys: dict[str, object]
 ) -> tuple[dict[str, object], dict[str, object]]:
     if not _is_values(runs):
-        raise InputError("belongs to an array; a table has its time, or sample_interval_s", "fs")
+        raise InputError("applies to an array only", "fs", "remove it: a table has its time, or sample_interval_s")
     if isinstance(fs, bool) or not isinstance(fs, (int, float)) or not 0.0 < fs < float("inf"):
-        raise InputError("a number of values a second is needed, above 0", "fs", "give fs=, in Hz")
+        raise InputError("must be a number above 0", "fs", "give fs=, in Hz")
     if "sample_interval_s" in keys:
-        raise InputError("fs and sample_interval_s both give the interval; keep one", "fs")
+        raise InputError("fs and sample_interval_s both give the interval", "fs", "remove one of them")
     return {quantity: runs}, {"sample_interval_s": 1.0 / fs, **keys}
 
 
@@ -182,7 +182,7 @@ def _taus(taus: object) -> tuple[str, list[float]]:
             raise TypeError
         return "given", [float(tau) for tau in taus]  # type: ignore[attr-defined]
     except (TypeError, ValueError):
-        raise InputError("taus is 'log', 'octave', 'all' or a list of times in s", "taus") from None
+        raise InputError("these are no times", "taus", "give 'log', 'octave', 'all' or a list of times in s") from None
 
 
 def compare(calibrations: Sequence[Calibration] | Mapping[str, Calibration], limits: object = None) -> Comparison:
@@ -193,7 +193,7 @@ def compare(calibrations: Sequence[Calibration] | Mapping[str, Calibration], lim
         limits: As in :meth:`Calibration.verify`.
     """
     if isinstance(calibrations, Calibration):
-        raise InputError("two records or more are compared", "calibrations")
+        raise InputError("a comparison needs two or more records", "calibrations", "give a list or a mapping of them")
     if not isinstance(calibrations, Mapping):
         calibrations = {f"record {at}": record for at, record in enumerate(calibrations, 1)}
     wrong = next((record for record in calibrations.values() if not isinstance(record, Calibration)), None)
@@ -216,5 +216,5 @@ def simulate(scenario: Path, seed: int | None = None) -> Table:
             with open(text, encoding="utf-8") as file:
                 text = file.read()
         except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"cannot read the scenario: {error}", text) from error
+            raise InputError(f"cannot read the scenario: {error}", text, "give the path of a scenario file") from error
     return Table(_sagnac.simulate(text, seed))

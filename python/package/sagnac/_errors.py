@@ -6,19 +6,19 @@ __all__ = ["InputError", "Refused", "SagnacError"]
 
 
 class SagnacError(Exception):
-    """An error on which a person can act.
+    """An error with a remedy.
 
     Attributes:
-        reason: What was wrong.
-        place: Where: file or table, row, column and value; empty where there is none.
-        help: What to do; ``None`` where there is nothing to say.
+        reason: The cause.
+        place: The place of the cause: file or table, row, column and value; empty where there is none.
+        help: The remedy.
     """
 
     reason: str
     place: str
-    help: str | None
+    help: str
 
-    def __init__(self, reason: str, place: str = "", help: str | None = None) -> None:
+    def __init__(self, reason: str, place: str, help: str) -> None:
         super().__init__(reason, place, help)
         self.reason = reason
         self.place = place
@@ -26,7 +26,7 @@ class SagnacError(Exception):
 
     def __str__(self) -> str:
         text = f"{self.place}: {self.reason}" if self.place else self.reason
-        return f"{text}\nhelp: {self.help}" if self.help else text
+        return f"{text}\nhelp: {self.help}"
 
 
 class InputError(SagnacError):
@@ -34,4 +34,4 @@ class InputError(SagnacError):
 
 
 class Refused(SagnacError):
-    """The input is fine, but cannot support what was asked (exit status 3 of the program)."""
+    """The input is fine, but cannot support the answer (exit status 3 of the program)."""

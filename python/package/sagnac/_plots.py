@@ -18,7 +18,7 @@ def axes_of(ax: Any, rows: int = 1) -> list[Any]:
     if ax is not None:
         given = list(ax) if isinstance(ax, (list, tuple)) or hasattr(ax, "__iter__") else [ax]
         if len(given) < rows:
-            raise InputError(f"{rows} axes are needed, {len(given)} are given")
+            raise InputError(f"{rows} axes are needed, {len(given)} are given", "ax", f"give {rows} axes, or none")
         return given
     plt = need("matplotlib.pyplot", "plots")
     _, made = plt.subplots(rows, 1, figsize=(7.5, 3.4 * rows), layout="constrained")

@@ -23,7 +23,7 @@ def watching(progress: Watcher | bool | None) -> Iterator[Watcher | None]:
         yield progress
         return
     if progress is not None and not isinstance(progress, bool):
-        raise InputError("a callable, True or False is needed", "progress")
+        raise InputError("cannot be called", "progress", "give a callable, True or False")
     if progress is False or (progress is None and not (_is_terminal() or _is_notebook())):
         yield None
         return

@@ -184,7 +184,7 @@ class _Result(Generic[AxisOf]):
             with open(path, "w", encoding="utf-8", newline="") as file:
                 file.write(text)
         except OSError as error:
-            raise InputError(f"cannot write: {error.strerror}", os.fspath(path)) from error
+            raise InputError(f"cannot write: {error.strerror}", os.fspath(path), "write to another folder") from error
 
     @property
     def axes(self) -> tuple[AxisOf, ...]:
@@ -230,7 +230,7 @@ class _Result(Generic[AxisOf]):
     _rows = 1
 
     def _draw(self, axis: str, ax: Any) -> list[Any]:
-        raise InputError("no figure")
+        raise InputError("the report has no figure", "", "report a fit or a test with data")
 
 
 def _numbers(numpy: Any, values: object) -> Any:
@@ -265,7 +265,7 @@ class Calibration(_Result[Axis]):
             with open(path, encoding="utf-8") as file:
                 text = file.read()
         except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"cannot read: {error}", os.fspath(path)) from error
+            raise InputError(f"cannot read: {error}", os.fspath(path), "give the path of a calibration file") from error
         return cls(_sagnac.parse_calibration(text, os.fspath(path)))
 
     def save(self, path: Path) -> None:
@@ -316,7 +316,7 @@ class Calibration(_Result[Axis]):
         try:
             celsius, cpm = numpy.broadcast_arrays(_numbers(numpy, temperature_c), _numbers(numpy, rate_cpm))
         except (TypeError, ValueError) as error:
-            raise InputError(f"temperatures and rates are numbers: {error}") from error
+            raise InputError(f"temperatures and rates must be numbers: {error}", "", "give numbers or arrays of numbers") from error
         numbers, in_span = self._native.evaluate(self._letter(axis), celsius.tobytes(), cpm.tobytes())
         drift, lower, upper, scale = (numpy.frombuffer(part, dtype="<f8").reshape(celsius.shape) for part in numbers)
         within = numpy.frombuffer(in_span, dtype="?").reshape(celsius.shape)
@@ -348,7 +348,7 @@ class Calibration(_Result[Axis]):
         """
         unknown = set(exclude) - {"outliers", "start"}
         if unknown or isinstance(exclude, str):
-            raise InputError("exclude takes 'outliers' and 'start'", "exclude")
+            raise InputError("unknown exclusion", "exclude", "give 'outliers', 'start' or both")
         given = ("outliers" in exclude, "start" in exclude)
         retests = runs_of(runs)
         with retests.reading():
@@ -383,7 +383,7 @@ class Calibration(_Result[Axis]):
     def image(self, axis: str | None = None, sequence: int = 1) -> bytes:
         """The flash image of an axis; the image with the larger ``sequence`` is the newer one."""
         if isinstance(sequence, bool) or not isinstance(sequence, int) or not 0 <= sequence < 2**32:
-            raise InputError("a whole number from 0 to 2**32 − 1 is needed", "sequence")
+            raise InputError("out of range", "sequence", "give a whole number from 0 to 2**32 − 1")
         image: bytes = self._native.image(self._letter(axis), sequence)
         return image
 
@@ -706,7 +706,7 @@ class Compensator:
         numpy = need("numpy", "many ticks")
         ticks, rows = _whole(numpy, "counts", counts, 1), _whole(numpy, "codes", codes, 2, missing=NO_SAMPLE)
         if rows.shape[1] != self.inputs:
-            raise InputError(f"codes of {rows.shape[1]} inputs, the image has {self.inputs}")
+            raise InputError(f"codes of {rows.shape[1]} inputs, the image has {self.inputs}", "codes", f"give {self.inputs} codes per row")
         before = self._native.copy()
         try:
             return self._run_in_pieces(numpy, ticks, rows)
@@ -736,22 +736,22 @@ NO_SAMPLE = -(2**31)
 
 def _within_32_bits(what: str, value: object) -> int:
     if isinstance(value, bool) or not hasattr(value, "__index__") or not -(2**31) <= value.__index__() < 2**31:
-        raise InputError(f"{what}: a whole number of 32 bits is needed, not {value!r:.40}")
+        raise InputError(f"{what}: {value!r:.40} is not a whole number of 32 bits", "", "give a whole number")
     return int(value.__index__())
 
 
 def _whole(numpy: Any, name: str, values: object, dimensions: int, missing: int | None = None) -> Any:
     if isinstance(values, numpy.ma.MaskedArray) and numpy.ma.is_masked(values):
         if missing is None:
-            raise InputError(f"{name} with masked values")
+            raise InputError(f"{name} has masked values", "", "fill them first")
         values = numpy.ma.filled(values.astype("i8"), missing)
     array = numpy.asarray(values)
     if array.size == 0 and array.ndim == dimensions:
         array = array.astype("<i4")
     if array.ndim != dimensions:
-        raise InputError(f"{name} has {array.ndim} dimensions, not {dimensions}")
+        raise InputError(f"{name} has {array.ndim} dimensions, not {dimensions}", "", "reshape the array")
     if array.dtype.kind not in "iu":
-        raise InputError(f"{name} of type {array.dtype}, where whole numbers are needed")
+        raise InputError(f"{name} has the type {array.dtype}, and whole numbers are needed", "", "convert it: array.astype('i4')")
     if array.size and array.dtype != numpy.int32 and (array.min() < -(2**31) or array.max() > 2**31 - 1):
-        raise InputError(f"{name} beyond 32 bits")
+        raise InputError(f"{name} exceeds 32 bits", "", "give values of 32 bits")
     return array.astype("<i4", copy=False)

@@ -36,9 +36,9 @@ class Runs(list[Run]):
             yield
         except InputError as error:
             for name, column, why in self.unreadable:
-                if name in error.place and f"`{column}`" in error.place and "type Null" in error.reason:
+                if name in error.place and f"`{column}`" in error.place and "contains Null" in error.reason:
                     help = 'convert it to numbers, or map it to "ignore" with columns='
-                    raise InputError(f"column {column!r} {why}, where numbers are needed", name, help) from None
+                    raise InputError(f"column {column!r} {why}, and numbers are needed", name, help) from None
             raise
 
 
@@ -48,7 +48,7 @@ def runs_of(runs: object) -> Runs:
     if not isinstance(runs, (list, tuple)):
         out.append(_run(runs, "table", out))
     elif not runs:
-        raise InputError("no log given")
+        raise InputError("no log is given", "", "give one or more logs")
     else:
         out.extend(_run(run, f"run {at}", out) for at, run in enumerate(runs, 1))
     return out
@@ -58,7 +58,7 @@ def _run(run: object, name: str, runs: Runs) -> Run:
     if isinstance(run, (str, os.PathLike)):
         path = os.fspath(run)
         if not isinstance(path, str):
-            raise InputError("a path of bytes; give text", repr(path))
+            raise InputError("the path is bytes", repr(path), "give it as text")
         return ("path", path.encode("utf-8", "replace").decode(), path)
     if _is_frame(run):
         return _of_columns(name, {str(column): run[column] for column in _columns(run, name)}, runs)  # type: ignore[index]
@@ -114,11 +114,11 @@ def _of_columns(name: str, columns: Mapping[str, Any], runs: Runs) -> Run:
             raise InputError(f"{one.values.ndim} dimensions; a column has one", name, f"give {column!r} as a 1-D array")
         length = _length(one.values, name, column)
         if rows is not None and length != rows:
-            raise InputError(f"{length} rows of {column!r}, {rows} of the column before it", name)
+            raise InputError(f"{length} rows of {column!r}, {rows} of the column before it", name, "give columns of one length")
         rows = length
         made.append((column, one))
     if not made:
-        raise InputError("a table without columns", name)
+        raise InputError("a table without columns", name, "give columns such as time_s and counts")
     kinds = [(column, one.kind) for column, one in made]
     return ("columns", name, (kinds, _parts(numpy, name, [one for _, one in made], rows or 0)))
 
@@ -127,7 +127,7 @@ def _length(values: Any, name: str, column: str) -> int:
     try:
         return len(values)
     except TypeError:
-        raise InputError(f"{column!r} is one value; a column is an array", name) from None
+        raise InputError(f"{column!r} is one value", name, "give an array") from None
 
 
 def _column(numpy: Any, values: Any) -> _Column:
@@ -229,7 +229,7 @@ def _part(numpy: Any, name: str, column: _Column, start: int, end: int) -> objec
         return end - start
     part = column.values[start:end]
     if len(part) != end - start:
-        raise InputError("the table has become shorter while it was read", name)
+        raise InputError("the table has become shorter while it was read", name, "give a copy of it")
     mask = None if column.mask is None else column.mask[start:end]
     if column.kind == "U":
         hidden = numpy.zeros(len(part), dtype=bool) if mask is None else mask
@@ -261,7 +261,7 @@ def setup_of(setup: object, keys: Mapping[str, object], columns: Mapping[str, st
     whole.update({key: value for key, value in keys.items() if value is not None})
     if columns is not None:
         if not isinstance(columns, Mapping):
-            raise InputError("a mapping of names to Sagnac's own is needed", "columns")
+            raise InputError("not a mapping", "columns", "give a mapping of names to Sagnac's headers")
         whole["columns"] = {str(name): own for name, own in columns.items()}
     return path, to_json(whole, "setup")
 
@@ -285,10 +285,10 @@ def to_json(keys: Mapping[str, object], what: str) -> str:
             return value.tolist()
         if isinstance(value, Iterable):
             return list(value)
-        raise InputError(f"{what}: a value of type {type(value).__name__}")
+        raise InputError(f"{what}: a value of type {type(value).__name__}", "", "give numbers, text, lists and mappings")
 
     try:
         return json.dumps(keys, default=plain, allow_nan=False)
     except (TypeError, ValueError) as error:
         why = "a value that is not a finite number" if "JSON compliant" in str(error) else str(error)
-        raise InputError(f"{what}: {why}") from None
+        raise InputError(f"{what}: {why}", "", "give values that TOML can hold") from None
