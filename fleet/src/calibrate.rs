@@ -20,7 +20,7 @@ use crate::store::{Patience, Stores, is_object};
 
 /// Calibrate every unit of a folder, a manifest or an object store, on this machine or on a cluster
 ///
-/// Records are those of `sagnac calibrate`, byte for byte, wherever they are made.
+/// Records equal those of `sagnac calibrate`, byte for byte, on every machine.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -28,30 +28,30 @@ Examples:
   sagnac-fleet calibrate /share/units --setup bench.toml -o fleet/ --cluster df://scheduler:50050
   sagnac-fleet calibrate 's3://rlg/{lot}/unit={unit}/run={run}.parquet' --setup bench.toml -o fleet/")]
 pub(crate) struct Args {
-    /// Units, as `sagnac fleet calibrate` has them: a folder, a pattern of logs with {unit}, a manifest; each also as s3://bucket/…
+    /// Units, as for `sagnac fleet calibrate`: a folder, a pattern of logs with {unit}, a manifest; each also as s3://bucket/…
     source: String,
     /// Folder for records/, proofs/, units/ and the table fleet.parquet
     #[arg(short, long, value_name = "FOLDER")]
     output: PathBuf,
-    /// What the logs cannot say: a bench.toml
+    /// Setup file for the logs (bench.toml)
     #[arg(long, value_name = "FILE")]
     setup: Option<PathBuf>,
     /// `auto`, or orders: "bias 3, rate 1"
     #[arg(long, default_value = "auto")]
     model: String,
-    /// What is known of the units before their tests: a file of `sagnac fleet prior`, whose model they take
+    /// Prior knowledge of the units, with its model: a file of `sagnac fleet prior`
     #[arg(long, value_name = "FILE", conflicts_with = "model")]
     prior: Option<PathBuf>,
-    /// Limits that retests are to meet: a TOML file, or `navigation-grade` or `paper`
+    /// Limits for the retests: a TOML file, or `navigation-grade` or `paper`
     #[arg(long, value_name = "FILE|SET")]
     limits: Option<String>,
-    /// Does every unit, also those that have not changed
+    /// Calibrate all units again, unchanged ones too
     #[arg(long)]
     again: bool,
     /// Scheduler of a cluster: df://host:port
     #[arg(long, value_name = "URL")]
     cluster: Option<String>,
-    /// Units that a cluster is sent at a time
+    /// Units to send to a cluster at a time
     #[arg(long, default_value = "64", value_name = "N", requires = "cluster")]
     batch: NonZeroUsize,
     /// Units in a task of a cluster, one after the other: more where units are quick and executors many
@@ -87,7 +87,8 @@ pub(crate) fn run(args: &Args) -> Result<bool> {
     let summary = lines.summary();
     say(args.json, &format!("{}\nwrote {}", summary.words(), args.output.join(TABLE).display()));
     if args.json {
-        let text = serde_json::to_string_pretty(&summary).map_err(|e| Error::defect(format!("cannot write JSON: {e}")))?;
+        let text =
+            serde_json::to_string_pretty(&summary).map_err(|e| Error::defect(format!("cannot write JSON: {e}")))?;
         let _ = writeln!(std::io::stdout(), "{text}");
     }
     Ok(summary.is_good())
@@ -110,11 +111,18 @@ fn units(source: &str, stores: &Stores) -> Result<Vec<Unit>> {
 fn recipe(args: &Args) -> Result<Recipe> {
     let setup = args.setup.as_deref().map(Setup::read).transpose()?.unwrap_or_default();
     if setup.serial.is_some() {
-        return Err(Error::input("one serial number is given for all units", "remove it: each unit uses its name, or the serial number in its own setup")
-            .column("serial"));
+        return Err(Error::input(
+            "one serial number is given for all units",
+            "remove it: each unit uses its name, or the serial number in its own setup",
+        )
+        .column("serial"));
     }
     let epoch = std::env::var("SOURCE_DATE_EPOCH").ok().filter(|text| !text.is_empty()).map(|text| {
-        text.parse().map_err(|_| Error::input("must be whole seconds", "set it to seconds since 1970: SOURCE_DATE_EPOCH=$(date +%s)").column("SOURCE_DATE_EPOCH").value(&text))
+        text.parse().map_err(|_| {
+            Error::input("must be whole seconds", "set it to seconds since 1970: SOURCE_DATE_EPOCH=$(date +%s)")
+                .column("SOURCE_DATE_EPOCH")
+                .value(&text)
+        })
     });
     let prior = args.prior.as_deref().map(PriorFile::read).transpose()?;
     let limits = args.limits.as_deref().map(Limits::named_or_read).transpose()?;
@@ -144,7 +152,7 @@ fn here(units: &[Unit], recipe: &Recipe, args: &Args, report: &(dyn Fn(Done) + S
     calibrate_by(units, &work, &args.output, report, &by_unit)
 }
 
-/// What is said of each unit, as they are done.
+/// Prints a line for each finished unit.
 struct Told {
     lines: InOrder,
     bar: ProgressBar,

@@ -141,8 +141,11 @@ async fn answers_of(
         })
         .await
         .map_err(|e| {
-            Error::input(format!("the cluster failed: {}", words(&e)), "start the scheduler and its executors, and run the command again: finished units are kept")
-                .value(cluster.url)
+            Error::input(
+                format!("the cluster failed: {}", words(&e)),
+                "start the scheduler and its executors, and run the command again: finished units are kept",
+            )
+            .value(cluster.url)
         })
 }
 

@@ -72,8 +72,16 @@ impl CalibrateUnit {
         let answer = std::thread::scope(|scope| {
             let thread = std::thread::Builder::new().stack_size(sagnac_log::threads::STACK_BYTES);
             match thread.spawn_scoped(scope, work) {
-                Ok(thread) => thread.join().unwrap_or_else(|_| failed(asked, Error::defect("a unit ended without a result"))),
-                Err(e) => failed(asked, Error::input(format!("the machine allows no thread for a unit: {e}"), "raise the limit of threads (`ulimit -u`), or lower --threads")),
+                Ok(thread) => {
+                    thread.join().unwrap_or_else(|_| failed(asked, Error::defect("a unit ended without a result")))
+                }
+                Err(e) => failed(
+                    asked,
+                    Error::input(
+                        format!("the machine allows no thread for a unit: {e}"),
+                        "raise the limit of threads (`ulimit -u`), or lower --threads",
+                    ),
+                ),
             }
         });
         // An answer is strings and finite numbers: it has a text.
@@ -100,7 +108,9 @@ pub(crate) fn by_files(stores: &Stores, unit: &Unit, answer: &dyn Fn(&Unit) -> A
 }
 
 fn of_text(asked: &str) -> Result<Asked> {
-    serde_json::from_str(asked).map_err(|e| Error::input(format!("not a unit of a fleet: {e}"), "run the same version on the scheduler and the executors"))
+    serde_json::from_str(asked).map_err(|e| {
+        Error::input(format!("not a unit of a fleet: {e}"), "run the same version on the scheduler and the executors")
+    })
 }
 
 fn failed(asked: &str, error: Error) -> Answer {

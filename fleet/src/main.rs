@@ -20,7 +20,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use sagnac::{Error, ErrorKind};
 
-/// A factory's gyros on a cluster and from object stores
+/// Calibrate all gyros of a factory on a cluster and from object stores
 #[derive(Parser)]
 #[command(name = "sagnac-fleet", version, max_term_width = 120)]
 struct Cli {
@@ -50,7 +50,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// The message, and the status of `sagnac`: 2 for what cannot be done, 3 for what the data cannot support.
+/// The message, and the exit status of `sagnac`: 2 for bad usage or input, 3 for a refusal.
 fn refused(error: &Error) -> ExitCode {
     let (word, status) = if error.kind == ErrorKind::Refused { ("refused", 3) } else { ("error", 2) };
     eprintln!("{word}: {error}");
@@ -64,5 +64,10 @@ fn runtime() -> sagnac::Result<tokio::runtime::Runtime> {
         .enable_all()
         .thread_stack_size(sagnac_log::threads::STACK_BYTES)
         .build()
-        .map_err(|e| Error::input(format!("the machine allows no threads for the network: {e}"), "raise the limit of threads (`ulimit -u`)"))
+        .map_err(|e| {
+            Error::input(
+                format!("the machine allows no threads for the network: {e}"),
+                "raise the limit of threads (`ulimit -u`)",
+            )
+        })
 }

@@ -21,12 +21,12 @@ use sagnac_log::memory::MemoryBudget;
 use crate::function::calibrate_unit;
 use crate::store::Patience;
 
-/// An executor says that it lives so often, and is dead after so long, s.
+/// Interval of the heartbeat of an executor, and the time after which it counts as dead, s.
 const HEARTBEAT_S: u64 = 2;
 const DEAD_S: u64 = 15;
-/// Executors are looked at so often, s.
+/// Interval of the checks of executors, s.
 const LOOK_S: u64 = 3;
-/// How long an executor waits for its scheduler, s.
+/// Longest wait of an executor for its scheduler, s.
 const CONNECT_S: u16 = 60;
 /// A unit that this many executors died of has failed.
 const MOST_FAILURES: usize = 4;
@@ -42,7 +42,7 @@ pub(crate) struct SchedulerArgs {
     port: u16,
 }
 
-/// Run an executor of a cluster: it reads the logs that units name, by the same paths or from the same object store as the others
+/// Run an executor of a cluster: all executors read the logs by the same paths or from the same object store
 #[derive(clap::Args)]
 pub(crate) struct ExecutorArgs {
     /// The scheduler, as host:port
@@ -51,10 +51,10 @@ pub(crate) struct ExecutorArgs {
     /// Address to listen on
     #[arg(long, default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     bind: IpAddr,
-    /// Name or address by which the others reach it [default: that of --bind]
+    /// Name or address for the other machines [default: that of --bind]
     #[arg(long, value_name = "HOST")]
     host: Option<String>,
-    /// Port of its results; the next one takes its orders
+    /// Port for results; the next port takes orders
     #[arg(long, default_value_t = 50051)]
     port: u16,
     /// Units at a time [default: one for each processor]
@@ -111,13 +111,22 @@ pub(crate) fn executor(args: &ExecutorArgs) -> Result<()> {
         .scheduler
         .rsplit_once(':')
         .and_then(|(host, port)| Some((host.to_owned(), port.parse::<u16>().ok()?)))
-        .ok_or_else(|| Error::input("not an address", "write it as HOST:PORT, such as --scheduler localhost:50050").column("--scheduler").value(&args.scheduler))?;
-    let orders = args.port.checked_add(1).ok_or_else(|| Error::input("no port follows this one", "give a port below 65535").column("--port"))?;
+        .ok_or_else(|| {
+            Error::input("not an address", "write it as HOST:PORT, such as --scheduler localhost:50050")
+                .column("--scheduler")
+                .value(&args.scheduler)
+        })?;
+    let orders = args
+        .port
+        .checked_add(1)
+        .ok_or_else(|| Error::input("no port follows this one", "give a port below 65535").column("--port"))?;
     let mut functions = BallistaFunctionRegistry::default();
     let memory = match args.memory {
         Some(size) => MemoryBudget::of_bytes(size.as_u64()).ok_or_else(|| {
             let least = bytesize::ByteSize(MemoryBudget::LEAST);
-            Error::input(format!("a unit needs at least {least}"), format!("set --memory {least} or more")).column("--memory").value(size.to_string())
+            Error::input(format!("a unit needs at least {least}"), format!("set --memory {least} or more"))
+                .column("--memory")
+                .value(size.to_string())
         })?,
         None => MemoryBudget::default(),
     };

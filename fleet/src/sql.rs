@@ -8,7 +8,7 @@ use datafusion::prelude::{ParquetReadOptions, SessionContext};
 use sagnac::fleet::TABLE;
 use sagnac::{Error, Result};
 
-/// Ask the table of a fleet, `fleet`, by SQL
+/// Query the table of a fleet, `fleet`, with SQL
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -17,7 +17,7 @@ Examples:
 pub(crate) struct Args {
     /// Folder of `fleet calibrate`, or its fleet.parquet
     fleet: PathBuf,
-    /// The question
+    /// SQL query
     query: String,
     /// Comma-separated values instead of a table
     #[arg(long)]
@@ -27,7 +27,8 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args) -> Result<()> {
     let table = if args.fleet.is_dir() { args.fleet.join(TABLE) } else { args.fleet.clone() };
     if !table.is_file() {
-        return Err(Error::input("there is no table of a fleet", "give the folder that `fleet calibrate` wrote").file(table.display().to_string()));
+        return Err(Error::input("there is no table of a fleet", "give the folder that `fleet calibrate` wrote")
+            .file(table.display().to_string()));
     }
     let name = table.to_str().ok_or_else(|| Error::input("the name is not Unicode", "rename the file"))?;
     let batches = crate::runtime()?.block_on(async {
@@ -40,7 +41,12 @@ pub(crate) fn run(args: &Args) -> Result<()> {
             .with_allow_statements(false);
         context.sql_with_options(&args.query, options).await?.collect().await
     });
-    let batches = batches.map_err(|e| Error::input(format!("the query failed: {}", e.strip_backtrace()), "correct the query: SELECT * FROM fleet LIMIT 5 shows the columns"))?;
+    let batches = batches.map_err(|e| {
+        Error::input(
+            format!("the query failed: {}", e.strip_backtrace()),
+            "correct the query: SELECT * FROM fleet LIMIT 5 shows the columns",
+        )
+    })?;
     let broken = |e: &dyn std::fmt::Display| Error::defect(format!("the answer cannot be shown: {e}"));
     if !args.csv {
         let table = pretty_format_batches(&batches).map_err(|e| broken(&e))?;

@@ -33,10 +33,10 @@ const MOST_BYTES: u64 = 64 << 20;
 /// How long a store is asked again, and how long it may be silent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, clap::Args)]
 pub(crate) struct Patience {
-    /// How long an object store is asked again before a log counts as unreadable, s
+    /// Time to retry an object store before a log counts as unreadable, s
     #[arg(long, default_value_t = 120, value_name = "SECONDS")]
     store_patience: u64,
-    /// How long an object store may be silent before it is asked again, s
+    /// Silence of an object store before a retry, s
     #[arg(long, default_value_t = 20, value_name = "SECONDS")]
     store_silence: u64,
 }
@@ -75,7 +75,9 @@ pub(crate) struct Fetched {
 impl Stores {
     pub(crate) fn new(patience: Patience) -> Result<Self> {
         let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build();
-        let runtime = runtime.map_err(|e| Error::input(format!("no thread for the network: {e}"), "raise the limit of threads (`ulimit -u`)"))?;
+        let runtime = runtime.map_err(|e| {
+            Error::input(format!("no thread for the network: {e}"), "raise the limit of threads (`ulimit -u`)")
+        })?;
         Ok(Self { patience, runtime, known: Mutex::default() })
     }
 
@@ -91,7 +93,11 @@ impl Stores {
         let store = self.of(bucket)?;
         let keys = self.runtime.block_on(listed(&*store, &prefix, source, self.patience))?;
         if keys.is_empty() {
-            return Err(Error::input("no object has this name or lies below it", "correct the address: s3://BUCKET/FOLDER/").file(source));
+            return Err(Error::input(
+                "no object has this name or lies below it",
+                "correct the address: s3://BUCKET/FOLDER/",
+            )
+            .file(source));
         }
         Ok(keys.iter().map(|key| PathBuf::from(format!("{SCHEME}{bucket}/{key}"))).collect())
     }
@@ -105,7 +111,9 @@ impl Stores {
         if !own.runs.iter().chain(&own.retests).chain(&own.setup).any(|name| is_object(name)) {
             return Ok(Fetched { unit: own, folder: None, names: Vec::new() });
         }
-        let folder = tempfile::tempdir().map_err(|e| Error::input(format!("no folder for the logs: {e}"), "free space in the temporary folder, or set TMPDIR"))?;
+        let folder = tempfile::tempdir().map_err(|e| {
+            Error::input(format!("no folder for the logs: {e}"), "free space in the temporary folder, or set TMPDIR")
+        })?;
         let (mut names, mut number) = (Vec::new(), 0);
         for name in own.runs.iter_mut().chain(&mut own.retests).chain(&mut own.setup).filter(|name| is_object(name)) {
             // Its own folder, since a record has the name of a log.
@@ -122,7 +130,12 @@ impl Stores {
 
     /// One object as a file, for a manifest.
     pub(crate) fn fetch_manifest(&self, name: &str) -> Result<(TempDir, PathBuf)> {
-        let folder = tempfile::tempdir().map_err(|e| Error::input(format!("no folder for the manifest: {e}"), "free space in the temporary folder, or set TMPDIR"))?;
+        let folder = tempfile::tempdir().map_err(|e| {
+            Error::input(
+                format!("no folder for the manifest: {e}"),
+                "free space in the temporary folder, or set TMPDIR",
+            )
+        })?;
         let path = folder.path().join("manifest.csv");
         self.fetch_one(name, &path, MOST_BYTES)?;
         Ok((folder, path))
@@ -157,7 +170,10 @@ impl Stores {
             builder
         };
         let store = builder.build().map_err(|e| {
-            Error::input(format!("the object store cannot be reached with these settings: {e}"), "correct AWS_ENDPOINT, AWS_REGION, AWS_ACCESS_KEY_ID or AWS_SECRET_ACCESS_KEY")
+            Error::input(
+                format!("the object store cannot be reached with these settings: {e}"),
+                "correct AWS_ENDPOINT, AWS_REGION, AWS_ACCESS_KEY_ID or AWS_SECRET_ACCESS_KEY",
+            )
         })?;
         let store: Arc<dyn ObjectStore> = Arc::new(store);
         known.insert(bucket.to_owned(), store.clone());
@@ -172,7 +188,11 @@ async fn listed(store: &dyn ObjectStore, prefix: &Key, source: &str, patience: P
         let mut keys = Vec::new();
         loop {
             let next = tokio::time::timeout(patience.silence(), objects.try_next()).await;
-            let next = next.map_err(|_| Failure::Again(Error::input("the store is silent", "check the network, and run the command again").file(source)))?;
+            let next = next.map_err(|_| {
+                Failure::Again(
+                    Error::input("the store is silent", "check the network, and run the command again").file(source),
+                )
+            })?;
             match next.map_err(|e| Failure::of(source, &e))? {
                 Some(object) => keys.push(object.location),
                 None => return Ok(keys),
@@ -220,29 +240,52 @@ impl Object<'_> {
             if_match: self.of.as_ref().and_then(|(_, tag)| tag.clone()),
             ..GetOptions::default()
         };
-        let silent = |_| Failure::Again(Error::input("the store is silent", "check the network, and run the command again").file(self.name));
+        let silent = |_| {
+            Failure::Again(
+                Error::input("the store is silent", "check the network, and run the command again").file(self.name),
+            )
+        };
         let object = tokio::time::timeout(silence, store.get_opts(&self.key, asked)).await.map_err(silent)?;
         let object = object.map_err(|e| Failure::of(self.name, &e))?;
         let size = object.meta.size;
         if size > self.most {
-            let what = format!("an object of {size} bytes, and at most {} are read", self.most);
-            return Err(Failure::Final(Error::input(format!("the object has {size} bytes, and the limit is {}", self.most), "split the log into smaller objects").file(self.name)));
+            return Err(Failure::Final(
+                Error::input(
+                    format!("the object has {size} bytes, and the limit is {}", self.most),
+                    "split the log into smaller objects",
+                )
+                .file(self.name),
+            ));
         }
         self.of = Some((size, object.meta.e_tag.clone()));
         let mut pieces = object.into_stream();
         loop {
-            let silent = |_| Failure::Again(Error::input("the store is silent", "check the network, and run the command again").file(self.name));
+            let silent = |_| {
+                Failure::Again(
+                    Error::input("the store is silent", "check the network, and run the command again").file(self.name),
+                )
+            };
             let piece = tokio::time::timeout(silence, pieces.try_next()).await.map_err(silent)?;
             let Some(piece) = piece.map_err(|e| Failure::of(self.name, &e))? else { break };
             let written = self.file.write_all(&piece);
-            written.map_err(|e| Failure::Final(Error::input(format!("no room for the log: {e}"), "free space in the temporary folder, or set TMPDIR").file(self.name)))?;
+            written.map_err(|e| {
+                Failure::Final(
+                    Error::input(
+                        format!("no room for the log: {e}"),
+                        "free space in the temporary folder, or set TMPDIR",
+                    )
+                    .file(self.name),
+                )
+            })?;
             self.had += piece.len() as u64;
         }
         if self.had == size {
             return Ok(());
         }
-        let what = format!("{} bytes of an object of {size}", self.had);
-        Err(Failure::Again(Error::input(format!("the object ended after {} of {size} bytes", self.had), "run the command again").file(self.name)))
+        Err(Failure::Again(
+            Error::input(format!("the object ended after {} of {size} bytes", self.had), "run the command again")
+                .file(self.name),
+        ))
     }
 }
 
@@ -287,9 +330,10 @@ impl Failure {
             | object_store::Error::PermissionDenied { .. }
             | object_store::Error::Unauthenticated { .. }
             | object_store::Error::InvalidPath { .. } => Self::Final(what),
-            object_store::Error::Precondition { .. } => {
-                Self::Final(Error::input("the object was replaced while it was read", "run the command again after the upload").file(name))
-            }
+            object_store::Error::Precondition { .. } => Self::Final(
+                Error::input("the object was replaced while it was read", "run the command again after the upload")
+                    .file(name),
+            ),
             _ => Self::Again(what),
         }
     }

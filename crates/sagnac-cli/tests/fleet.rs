@@ -526,7 +526,7 @@ fn the_report_names_what_is_wrong() {
         assert!(page.contains(words), "{words}");
     }
     // A click from the outlier, and from the one without a record, to what is known of it.
-    for (unit, words) in [("RLG-11", "records/RLG-11.cal.json"), ("RLG-99", "refused: no window of the log")] {
+    for (unit, words) in [("RLG-11", "records/RLG-11.cal.json"), ("RLG-99", "refused: the log has no usable window")] {
         let entry = page.split(&format!("id=\"unit-{unit}\"")).nth(1).and_then(|rest| rest.split("</section>").next());
         assert!(entry.is_some_and(|entry| entry.contains(words)), "{unit}: {entry:?}");
         assert!(page.contains(&format!("href=\"#unit-{unit}\"")), "{unit}");

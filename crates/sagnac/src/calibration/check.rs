@@ -140,7 +140,7 @@ impl AxisCalibration {
             ("source", input.repeats().is_none_or(|of| self.is_slower(at, of))),
         ];
         rules.iter().find(|(_, holds)| !holds).map_or(Ok(()), |(field, _)| {
-            let what = "must be finite, in order and given once; the valid range holds the span; a repeat follows an input of \
+            let what = "must be finite, in order and given once: the valid range contains the span, and a repeat follows an input of \
                         the same span, range and hold time with a shorter lag";
             Err(Error::input(what, BROKEN).column(format!("axes[{}].inputs[{}].{field}", self.axis, input.name)))
         })

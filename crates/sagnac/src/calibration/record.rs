@@ -100,7 +100,7 @@ impl Target {
         let (tick_ns, ticks) = (clock.tick_ns(), clock.period_ns()? / clock.tick_ns());
         let out_of_range = || {
             Error::input(
-                format!("{ticks} ticks in a temperature period; the target counts to {MAX_PERIOD_TICKS}"),
+                format!("the temperature period has {ticks} ticks, and the target counts to {MAX_PERIOD_TICKS}"),
                 "give a shorter temperature_period_s or a longer tick_s in the setup",
             )
             .column("temperature_period_s")

@@ -255,7 +255,7 @@ pub fn compare(records: &[(String, Calibration)], limits: Option<&Limits>) -> Re
     }
     for (name, other) in others {
         if other.serial != first.serial {
-            let what = format!("a calibration of {:?}; {first_name} is of {:?}", other.serial, first.serial);
+            let what = format!("the calibration is of {:?}, and {first_name} is of {:?}", other.serial, first.serial);
             return Err(Error::input(what, "compare calibrations of one unit").file(name).column("serial"));
         }
     }

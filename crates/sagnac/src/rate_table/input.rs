@@ -131,7 +131,7 @@ impl RateTableInput {
             .column("scale_factor_deviation_max_ppm"));
         }
         let error = Error::refused(format!(
-            "the scale factor of axis {letter} would deviate by {ppm:.0} ppm from its nominal value; at most {most_ppm} ppm are accepted"
+            "the scale factor of axis {letter} would deviate by {ppm:.0} ppm from its nominal value, and the limit is {most_ppm} ppm"
         ), "correct arcsec_per_count")
         .column("scale_factor_deviation_max_ppm");
         Err(if (slope + 1.0).abs() < 0.1 {

@@ -80,7 +80,7 @@ impl SeenLogs {
         let of_bytes = self.logs.iter().find(|(sha256, _)| *sha256 == log.sha256).map(|(_, file)| ("bytes", file));
         let of_rows = || self.rows.twin_of(&log.rows_sketch).and_then(|at| self.logs.get(at as usize));
         if let Some((what, twin)) = of_bytes.or_else(|| of_rows().map(|(_, file)| ("rows", file))) {
-            let what = format!("holds the same {what} as {twin}; one run counts once");
+            let what = format!("the file contains the same {what} as {twin}");
             return Err(Error::input(what, "give each log once").file(&log.file));
         }
         self.rows.add(self.logs.len() as u32, &log.rows_sketch);

@@ -153,7 +153,7 @@ pub fn role_of(header: &str) -> Result<Role> {
 /// The error for a log that Sagnac has already corrected.
 pub fn already_compensated() -> Error {
     Error::refused(
-        "this log is already compensated; correcting it twice would be wrong",
+        "this log is already compensated, and correcting it twice would be wrong",
         "give the log before `sagnac compensate`",
     )
 }

@@ -100,7 +100,7 @@ pub(crate) fn fit(problem: &LeastSquares<'_>, spec: &ModelSpec, taus_s: &[f64]) 
     if problem.len() < 3 * parameters {
         return Err(Error::refused(
             format!(
-                "{} windows for {parameters} coefficients of `{spec}`; a fit needs three windows for each",
+                "{} windows are too few for {parameters} coefficients of `{spec}`: a fit needs three windows for each",
                 problem.len()
             ),
             "give more data, or set a shorter --window or a smaller --model",
@@ -277,8 +277,8 @@ fn is_slow(problem: &LeastSquares<'_>, taus: &[Tau], at: usize) -> bool {
 fn not_separated(problem: &LeastSquares<'_>, spec: &ModelSpec, input: usize) -> Error {
     let name = &problem.inputs[input].name;
     Error::refused(format!(
-        "the data do not separate the two lags of {name} in `{spec}`: lags less than {LEAST_RATIO} times apart, or a slow one as long as a \
-         quarter of the longest run, fit as well"
+        "the data do not separate the two lags of {name} in `{spec}`: a ratio below {LEAST_RATIO}, or a slow lag of a \
+         quarter of the longest run, fits equally well"
     ), "remove the slow rate from --model, or test with ramps and soaks of several lengths")
     .column("--model")
 }

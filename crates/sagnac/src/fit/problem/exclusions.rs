@@ -64,7 +64,7 @@ fn check_run(windows: &Windows, run: usize) -> Result<()> {
     let (from, to) = (hours(rows.start_ns[first]), hours(rows.end_ns[last]));
     let part = 100.0 * excluded / all;
     Err(Error::refused(format!(
-        "{part:.1} % of the run look like bumps, steps or start-up, the longest stretch from {from:.2} to {to:.2} h; at most {:.0} % may be excluded",
+        "{part:.1} % of the run look like bumps, steps or start-up (longest from {from:.2} to {to:.2} h), and the limit is {:.0} %",
         100.0 * MOST
     ), "repeat the test, cut the stretch out of the log, set discard_initial_s, or use --keep-outliers")
     .file(file(first))
@@ -104,9 +104,9 @@ pub(crate) fn check_span(windows: &Windows, Span { lo, hi }: Span, min_span_c: f
     if hi - lo < min_span_c {
         return Err(Error::refused(
             format!(
-                "the data span {:.2} °C ({lo:.2} … {hi:.2} °C); a fit needs {min_span_c} °C{}",
+                "the data span {:.2} °C ({lo:.2} … {hi:.2} °C), and a fit needs {min_span_c} °C{}",
                 hi - lo,
-                most_left_out(windows).map_or(String::new(), |why| format!("; {why}"))
+                most_left_out(windows).map_or(String::new(), |why| format!(" ({why})"))
             ),
             "test over a wider range, or lower --min-span if you know what you are doing",
         )

@@ -45,7 +45,7 @@ pub(crate) fn check_channels(spec: &ModelSpec, sources: &[Signal], shape: &Windo
     };
     let what = format!("`{spec}` reads {count} inputs ({}{once_more})", names.join(", "));
     Err(Error::refused(
-        format!("{what}; an image reads {most}"),
+        format!("{what}, and an image reads {most}"),
         "remove one input: a difference counts as two thermometers",
     )
     .column("--model"))
@@ -73,7 +73,7 @@ pub(crate) fn check_scale_rates(problem: &LeastSquares<'_>, spec: &ModelSpec) ->
         input => format!("scale({input})"),
     });
     term.filter(|_| !several_rates(problem)).map_or(Ok(()), |term| {
-        let what = format!("{term} needs runs at several input rates; at one rate a scale factor is a bias");
+        let what = format!("{term} needs runs at several input rates: at one rate a scale factor is a bias");
         Err(Error::refused(what, "use bias(...) instead, or test on a rate table").column("--model"))
     })
 }

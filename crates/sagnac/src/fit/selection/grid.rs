@@ -43,7 +43,7 @@ pub(crate) fn affordable(problem: &LeastSquares<'_>) -> Result<Vec<ModelSpec>> {
     if specs.is_empty() {
         return Err(Error::refused(
             format!(
-                "{} windows in {} runs are too few even for constants; a fit needs three windows for each coefficient",
+                "{} windows in {} runs are too few for constants: a fit needs three windows for each coefficient",
                 problem.len(),
                 problem.runs.len()
             ),

@@ -103,7 +103,7 @@ impl Selected<'_> {
         let input = self.problem.inputs[term.input].name.as_str();
         Err(Error::refused(
             format!(
-                "the terms of `{}` are not separated by these data: condition {:.0}, at most {CONDITION_MAX:.0}; the others \
+                "the data do not separate the terms of `{}`: collinearity {:.0}, limit {CONDITION_MAX:.0}. The others \
              explain the term {} best",
                 self.spec,
                 near.condition,

@@ -338,7 +338,7 @@ impl Prior {
                 if reasons.is_empty() {
                     "calibrate more units".to_owned()
                 } else {
-                    format!("{}; calibrate the fleet with one --model", reasons.join("; "))
+                    format!("calibrate the fleet with one --model ({})", reasons.join("; "))
                 },
             ));
         }

@@ -52,7 +52,10 @@ impl Prior {
         let prior: Self =
             serde_json::from_str(text).map_err(|e| Error::input(format!("not a prior of a fleet: {e}"), AGAIN))?;
         if prior.format != FORMAT || prior.version != VERSION {
-            let what = format!("{} version {}; this program reads {FORMAT} {VERSION}", prior.format, prior.version);
+            let what = format!(
+                "the file is {} version {}, and this program reads {FORMAT} {VERSION}",
+                prior.format, prior.version
+            );
             return Err(Error::input(what, AGAIN));
         }
         let mut content = prior.clone();
