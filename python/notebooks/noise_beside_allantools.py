@@ -1,5 +1,5 @@
 # %% [markdown]
-# # Noise of a record, beside allantools
+# # Noise of a record, next to allantools
 #
 # Three hours of a gyro at rest, 10 values a second: angle random walk of 0.003 °/√h, and a rate random walk below it. The Allan deviations
 # are those of allantools; the terms, their intervals and what cannot be resolved are ours.
