@@ -4,4 +4,6 @@ pub(crate) mod modules;
 pub(crate) mod packages;
 pub(crate) mod paths;
 #[cfg(test)]
+mod quoted;
+#[cfg(test)]
 mod words;
