@@ -1,7 +1,7 @@
 //! Which figures a report has, and what is in each.
 
 use crate::figure::{Figure, Layer, Role, SOLID, rounded};
-use sagnac::calibration::{AxisCalibration, PpmEstimate};
+use sagnac::calibration::{AxisCalibration, PpmEstimate, SoakRow};
 use sagnac::diagnostics::{AxisReportData, Effect, EffectOf, Leg, ReportData, WindowPoint};
 use sagnac::fit::frontier;
 use sagnac::model::ActsOn;
@@ -223,7 +223,8 @@ pub(crate) fn soak(record: &AxisCalibration) -> Option<Figure> {
         "An hour more improves the curve as a whole by less than 3 % at any temperature.".to_owned()
     };
     let caption = format!(
-        "Standard deviation of the curve at rest, now and after so many hours of soak at that very temperature. {gain}"
+        "Standard deviation of the curve at rest, now and after so many hours of soak at that very temperature. \
+         Where the lines meet, more hours there are of no use: under slow noise the fit weights them too much. {gain}"
     );
     let labels = ["temperature, °C", "σ of the drift, °/h"];
     let title = "What would more soaking buy?";
@@ -233,7 +234,8 @@ pub(crate) fn soak(record: &AxisCalibration) -> Option<Figure> {
     out.layers.push(line("now", Role::Fit, &x, now, false));
     let roles = [Role::Before, Role::After, Role::Floor, Role::ExcludedToo];
     for ((index, hours), role) in soak.hours.iter().enumerate().zip(roles) {
-        let after = soak.rows.iter().map(|row| row.after_dph.get(index).copied().unwrap_or(f64::NAN)).collect();
+        let after = |row: &SoakRow| row.after_dph.get(index).map_or(f64::NAN, |after| after.min(row.sigma_dph));
+        let after = soak.rows.iter().map(after).collect();
         out.layers.push(line(&format!("after {hours} h"), role, &x, after, true));
     }
     out.framed(true)

@@ -195,7 +195,7 @@ fn zones_follow_a_knee_that_a_series_of_their_order_cannot() {
 fn terms_that_cannot_be_separated_are_refused() {
     let rig = ManyInputs { lags_s: [900.0, 899.0], ..ManyInputs::plain() };
     let error = fit(vec![rig.csv(1)], &setup(), "bias 2, bias(cavity) 2").unwrap_err();
-    assert!(error.what.contains("condition"), "{error}");
+    assert!(error.what.contains("collinearity"), "{error}");
     let found = fit(vec![rig.csv(1)], &setup(), "auto").unwrap();
     let axis = only(&found);
     let refused =

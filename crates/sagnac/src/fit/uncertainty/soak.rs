@@ -8,9 +8,6 @@
 //! m = hours·3600/τ_w windows, which carry the noise on from the end of the last run. s² is the white variance of a window, as the
 //! covariance of the fit has it. The forecast assumes that the model is right: a longer
 //! soak does not replace a missing term.
-//!
-//! A fit that weights windows by their length gives a long soak under slow noise more weight than it deserves. A forecast that would be worse
-//! than one of fewer hours is that one: the hours more are then of no use, and none is harmful.
 
 use crate::calibration::{AxisCalibration, Soak, SoakRow};
 use crate::fit::one_model::solution::{Fitted, weighted_rows};
@@ -79,17 +76,14 @@ pub(crate) fn soak(axis: &AxisCalibration, extension: &Extension) -> Option<Soak
     };
     let width = (span.hi - span.lo) / (TEMPERATURES - 1) as f64;
     let temperatures: Vec<f64> = (0..TEMPERATURES).map(|i| span.lo + width * i as f64).collect();
-    let row = |celsius: &f64| {
-        let sigma_dph = sigma_after(&curve(*celsius), *celsius, 0.0);
-        let each = HOURS.map(|hours| sigma_after(&curve(*celsius), *celsius, hours));
-        let least = |least: &mut f64, sigma: f64| {
-            *least = least.min(sigma);
-            Some(*least)
-        };
-        let after_dph = each.into_iter().scan(sigma_dph, least).collect();
-        SoakRow { temperature_c: *celsius, sigma_dph, after_dph }
-    };
-    let table: Vec<SoakRow> = temperatures.iter().map(row).collect();
+    let table: Vec<SoakRow> = temperatures
+        .iter()
+        .map(|t| SoakRow {
+            temperature_c: *t,
+            sigma_dph: sigma_after(&curve(*t), *t, 0.0),
+            after_dph: HOURS.map(|hours| sigma_after(&curve(*t), *t, hours)).to_vec(),
+        })
+        .collect();
     // The temperature at which an hour reduces the uncertainty of the whole curve most.
     let mean_square = |soaked_c: f64, hours: f64| -> f64 {
         temperatures.iter().map(|t| sigma_after(&curve(*t), soaked_c, hours).powi(2)).sum::<f64>() / TEMPERATURES as f64
@@ -101,6 +95,6 @@ pub(crate) fn soak(axis: &AxisCalibration, extension: &Extension) -> Option<Soak
         rows: table,
         best_c: best,
         mean_sigma_dph: mean_square(best, 0.0).sqrt(),
-        mean_sigma_after_dph: mean_square(best, HOURS[0]).min(mean_square(best, 0.0)).sqrt(),
+        mean_sigma_after_dph: mean_square(best, HOURS[0]).sqrt(),
     })
 }
