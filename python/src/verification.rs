@@ -43,7 +43,7 @@ impl Verification {
     fn residuals(&self, axis: &str) -> PyResult<Table> {
         let letters = self.proof.report_data.axes.iter().map(|axis| axis.axis.to_string());
         let Some(at) = letters.clone().position(|letter| letter == axis) else {
-            let help = format!("it has: {}", sagnac::Error::choices(&letters.collect::<Vec<_>>()));
+            let help = format!("choose one of these: {}", sagnac::Error::choices(&letters.collect::<Vec<_>>()));
             return Err(exception(
                 sagnac::Error::input("the retest has no such axis", help).column("axis").value(axis),
             ));

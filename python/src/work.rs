@@ -134,7 +134,7 @@ fn ended_by(unwound: &(dyn Any + Send)) -> Ended {
 fn defect() -> Ended {
     sagnac::Error::input(
         "a defect of this package: the work ended without a result",
-        "please report it with the table and the call",
+        "report it with the table and the call: https://github.com/sagnac/sagnac/issues",
     )
     .into()
 }

@@ -475,7 +475,7 @@ fn the_prior_of_a_fleet_is_that_of_its_units() {
     for (args, status, why) in [
         (["fleet", "prior", "few-fleet", "--json"], 3, "too few"),
         (["fleet", "prior", "fleet", "--model=bias 7"], 3, "0 axes of `bias 7`"),
-        (["fleet", "prior", "fleet.prior.json", "--model=bias 7"], 2, "a prior for `bias 2`"),
+        (["fleet", "prior", "fleet.prior.json", "--model=bias 7"], 2, "the prior is for `bias 2`"),
         (["fleet", "prior", "manifest.csv", "--json"], 2, "not a prior of a fleet"),
         (["fleet", "prior", "nowhere", "--json"], 2, "nowhere"),
     ] {
@@ -587,7 +587,7 @@ fn the_demonstration_shows_what_it_says() {
     let steps = fs::read_to_string(it.path("test.csv")).unwrap();
     assert_eq!(steps.lines().count() - 1, made["steps"].as_array().unwrap().len(), "{steps}");
     for (more, status, why) in [
-        (&["--lot", "A", "--share", "0.02"][..], 3, "no test of up to 24 h"),
+        (&["--lot", "A", "--share", "0.02"][..], 3, "every test of up to 24 h misses"),
         (&["--lot", "D"], 3, "no lot of this name"),
         (&["--lot", "A", "--start", "90"], 2, "outside the fleet's"),
         (&["--lot", "A", "--ramps", "0"], 2, "0.01 … 20 °C/min"),

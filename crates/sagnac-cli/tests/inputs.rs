@@ -75,7 +75,7 @@ fn inputs_go_from_the_log_to_the_image_and_back() {
     let without = String::from_utf8(rig.csv(2)).unwrap().replacen("temperature_c_cavity", "ignored_cavity", 1);
     fs::write(at.join("without.csv"), without).unwrap();
     let said = error(sagnac(at).args(["verify", "unit.cal.json", "without.csv"]), 2);
-    assert!(said.contains("no thermometer \"cavity\""), "{said}");
+    assert!(said.contains("the correction needs the thermometer \"cavity\""), "{said}");
     let said = error(sagnac(at).args(flags).args(UNIT).args(["--model", "bias 2, bias(anode) 1"]), 2);
     assert!(said.contains("no input of this name") && said.contains("cavity - block"), "{said}");
     let said = error(sagnac(at).args(flags).args(UNIT).args(["--model", "bias 2, steps(path_length_v)"]), 3);

@@ -169,9 +169,9 @@ fn what_has_two_meanings_is_not_guessed() {
         ("time_s,temperature_c,counts\nms,C,-", ":2, `time_s`, value \"ms\": the header says `s`"),
         ("time_s,temperature_c,counts\ns,K,-", ":2, `temperature_c`, value \"K\": the header says `c`"),
         ("time_ns,temperature_c,counts\ns,C,-", ":2, `time_ns`, value \"s\": the header says `ns`"),
-        ("time,temperature,counts\ns,F,-", ":2, `temperature`, value \"F\": this unit is not known"),
-        ("time,temperature,counts\ns,C,arcsec", ":2, `counts`, value \"arcsec\": this unit is not known"),
-        ("time_s,temperature_c,counts\nfoo,bar,baz", ":2: the line below the headers is neither"),
+        ("time,temperature,counts\ns,F,-", ":2, `temperature`, value \"F\": unknown unit"),
+        ("time,temperature,counts\ns,C,arcsec", ":2, `counts`, value \"arcsec\": unknown unit"),
+        ("time_s,temperature_c,counts\nfoo,bar,baz", ":2: the line below the headers contains neither"),
     ] {
         write("units.csv", format!("{head}\n{table}"));
         let output = sagnac(at, &["inspect", "units.csv", "--arcsec-per-count", "1"]);
@@ -244,7 +244,7 @@ fn a_folder_and_a_pattern_stand_for_their_logs() {
     // As for a single log: what is known without the size of a count is said.
     let output = sagnac(at, &["inspect", "runs"]);
     assert!(output.status.success(), "{}", said(&output));
-    assert!(String::from_utf8_lossy(&output.stdout).contains("the size of a count is not known"));
+    assert!(String::from_utf8_lossy(&output.stdout).contains("count size unknown"));
     fs::create_dir(at.join("none")).unwrap();
     for (argument, word) in [("none", "the folder contains no log"), ("runs/*.parquet", "no file matches this pattern")]
     {

@@ -72,7 +72,7 @@ impl Calibration {
         self.axes.iter().find(|axis| axis.axis == letter).ok_or_else(|| {
             Error::input(
                 format!("the calibration has no axis {letter}"),
-                format!("it has: {}", Error::choices(&letters)),
+                format!("choose one of these: {}", Error::choices(&letters)),
             )
             .column("axis")
         })

@@ -203,7 +203,7 @@ class _Result(Generic[AxisOf]):
         if letter in letters:
             return self.axes[letters.index(letter)]
         what = "no such axis" if letter is not None else "several axes; name one"
-        raise InputError(what, f"axis {letter}" if letter is not None else "", f"it has: {', '.join(letters)}")
+        raise InputError(what, f"axis {letter}" if letter is not None else "", f"choose one of these: {', '.join(letters)}")
 
     def _letter(self, axis: str | None) -> str:
         return str(getattr(self.axis(axis), "axis"))

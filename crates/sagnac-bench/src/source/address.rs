@@ -9,7 +9,7 @@ use sagnac_log::{Error, Result};
 const DEFAULT_BAUD: u32 = 115_200;
 /// Help for an address that is none.
 const FORMS: &str =
-    "a source is -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE?baud=115200 or replay:LOG?speed=10";
+    "write it as -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE?baud=115200 or replay:LOG?speed=10";
 
 /// Where a gyro's bytes come from.
 #[derive(Clone, Debug, PartialEq)]

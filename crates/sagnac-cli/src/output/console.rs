@@ -41,10 +41,7 @@ pub(crate) fn keep_panics_quiet() {
 /// The message for a panic that reached the top.
 pub(crate) fn internal_error() -> Error {
     let place = LAST_PANIC.lock().map(|last| last.clone()).unwrap_or_default();
-    Error::input(
-        format!("a defect of this program, not of your input: {place}"),
-        "report it with the command and its files: https://github.com/sagnac/sagnac/issues",
-    )
+    Error::defect(place)
 }
 
 /// How much is printed for people.

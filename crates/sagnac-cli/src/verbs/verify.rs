@@ -60,7 +60,7 @@ enum Exclude {
 
 /// The head of an acceptance report.
 #[derive(clap::Args, Clone, Default)]
-#[command(next_help_heading = "Head of an acceptance report (default: blank lines to fill in by hand)")]
+#[command(next_help_heading = "Head of an acceptance report (default: blank lines)")]
 struct SheetArgs {
     /// Number of the document
     #[arg(long, value_name = "NUMBER", hide_short_help = true)]

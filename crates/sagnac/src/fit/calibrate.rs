@@ -93,7 +93,7 @@ fn sensor_of(shape: &WindowShape, setup: &Setup) -> Result<usize> {
     shape.thermometers.iter().position(|name| name == wanted).ok_or_else(|| {
         Error::input(
             "the log has no thermometer of this name",
-            format!("it has: {}", Error::choices(&shape.thermometers)),
+            format!("choose one of these: {}", Error::choices(&shape.thermometers)),
         )
         .column("use_thermometer")
         .value(wanted)
@@ -105,7 +105,7 @@ fn check_aux(shape: &WindowShape, setup: &Setup) -> Result<()> {
     setup.aux.iter().find(|aux| !shape.aux.contains(&aux.name)).map_or(Ok(()), |stray| {
         Err(Error::input(
             "the log has no auxiliary column of this name",
-            format!("it has: {}", Error::choices(&shape.aux)),
+            format!("choose one of these: {}", Error::choices(&shape.aux)),
         )
         .column("aux.name")
         .value(&stray.name))

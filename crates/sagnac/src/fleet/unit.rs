@@ -100,12 +100,7 @@ fn hash_of(text: &str) -> String {
 
 /// A panic while one unit is done is a defect of this program, and not the end of the fleet.
 fn guarded<T>(work: impl FnOnce() -> Result<T>) -> Result<T> {
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| {
-        Err(Error::input(
-            "a defect of this program, not of the unit",
-            "calibrate the unit alone, and report the message with the log",
-        ))
-    })
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err(Error::defect("the work on this unit stopped")))
 }
 
 /// The setup of a unit: its own, or that of all; its name is its serial number where that has none.

@@ -180,7 +180,7 @@ fn none(request: &PlanRequest, nearest: Option<Promise>) -> Error {
                 100.0 * request.share
             )
         });
-        format!("; the best has a probability of {:.2}{worst}", promise.probability)
+        format!(". The best has a probability of {:.2}{worst}", promise.probability)
     });
     Error::refused(
         format!(

@@ -255,7 +255,7 @@ impl Layout {
         if let Some(missing) = columns.keys().find(|name| !layout.headers.contains(name)) {
             return Err(Error::input(
                 format!("[columns] maps {missing:?}, and the log has no such header"),
-                format!("the log has: {}", layout.headers.join(", ")),
+                format!("correct the name. The log has: {}", layout.headers.join(", ")),
             ));
         }
         let mut seen = HashSet::new();

@@ -285,7 +285,11 @@ fn no_gyro(known: &Known, instance: u8) -> Error {
     let topics = known.topics();
     Error::input(
         format!("the ULog file has no messages of sensor_gyro or sensor_combined, instance {instance}"),
-        if topics.is_empty() { "it has no topic at all".to_owned() } else { format!("it has: {topics}") },
+        if topics.is_empty() {
+            "log sensor_gyro or sensor_combined in PX4".to_owned()
+        } else {
+            format!("log sensor_gyro or sensor_combined in PX4. The file has: {topics}")
+        },
     )
 }
 

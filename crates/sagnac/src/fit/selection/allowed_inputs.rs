@@ -104,7 +104,8 @@ pub(crate) fn count_steps(problem: &LeastSquares<'_>, spec: &mut ModelSpec) -> R
 fn find_input(name: &str, main: Signal, shape: &WindowShape) -> Result<Signal> {
     let signal = Signal::named(name, shape).ok_or_else(|| {
         let all: Vec<String> = Signal::others(shape, usize::MAX).into_iter().map(|s| s.name(shape)).collect();
-        Error::input("the log has no input of this name", format!("it has: {}", Error::choices(&all))).value(name)
+        Error::input("the log has no input of this name", format!("choose one of these: {}", Error::choices(&all)))
+            .value(name)
     })?;
     if signal == main {
         return Err(Error::input(

@@ -84,7 +84,7 @@ fn recorded(axis: &AxisCalibration, shape: &LogShape) -> Result<Vec<LogColumn>> 
                 shape.thermometers.iter().map(|t| label(t).to_owned()).chain(shape.aux.clone()).collect();
             Error::input(
                 format!("the correction needs the {what} {name:?}, and the log has none of this name"),
-                format!("it has: {}", Error::choices(&all)),
+                format!("map its column under [columns]. The log has: {}", Error::choices(&all)),
             )
         }))
     };

@@ -100,7 +100,7 @@ impl Correction {
             Some(name) => Some(shape.thermometers.iter().position(|other| *other == name).ok_or_else(|| {
                 Error::input(
                     format!("the correction needs the thermometer {name:?}, and the log has none of this name"),
-                    format!("it has: {}", Error::choices(&shape.thermometers)),
+                    format!("map its column under [columns]. The log has: {}", Error::choices(&shape.thermometers)),
                 )
             })?),
             None if shape.thermometers.is_empty() => None,
