@@ -252,9 +252,9 @@ impl JournalReader {
         let start = reader.bytes(0, MOST_PAYLOAD_BYTES)?;
         if memchr::memmem::find(&start, &MAGIC).is_none() {
             let what = if start.is_empty() {
-                "an empty journal: nothing was recorded"
+                "the journal is empty: nothing was recorded"
             } else {
-                "not the journal of a recording"
+                "this is not the journal of a recording"
             };
             return Err(Error::input(what, "remove --resume and --finish to begin a recording")
                 .file(path.display().to_string()));

@@ -143,7 +143,8 @@ fn instruments_of(setup: &Setup) -> Result<Vec<(Instrument, PollSetup)>> {
         let instrument: Instrument = poll.source.parse()?;
         let is_scpi = matches!(instrument, Instrument::Scpi(_));
         if let Some(column) = poll.columns.iter().find(|column| column.query.is_some() != is_scpi) {
-            let what = if is_scpi { "SCPI is asked by a `query`" } else { "Modbus is asked for a `register`" };
+            let what =
+                if is_scpi { "an SCPI instrument needs a `query`" } else { "a Modbus instrument needs a `register`" };
             return Err(Error::input(
                 what,
                 format!("give each column of this instrument a `{}`", if is_scpi { "query" } else { "register" }),

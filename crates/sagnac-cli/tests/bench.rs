@@ -434,7 +434,7 @@ fn a_wrong_setup_is_corrected_afterwards() {
     let out =
         bench.command(&["--source", "-"]).stdin(std::fs::File::open(bench.path("log")).unwrap()).output().unwrap();
     assert_eq!(out.status.code(), Some(3), "{}", text(&out.stderr));
-    assert!(text(&out.stderr).contains("none has headers"), "{}", text(&out.stderr));
+    assert!(text(&out.stderr).contains("lines without headers"), "{}", text(&out.stderr));
     let setup =
         "axis = \"z\"\narcsec_per_count = 0.6\n[columns]\nt = \"time_s\"\nCtr = \"counts\"\nT = \"temperature_c\"\n";
     std::fs::write(bench.path("bench.toml"), setup).unwrap();

@@ -160,7 +160,7 @@ impl Text {
         let Some(known) = &self.header else {
             return self.begins(line, rows).unwrap_or_else(|refused| {
                 if self.problem.is_none() {
-                    rows.say(at_ns, format!("a line of headers that cannot be read: {refused}"));
+                    rows.say(at_ns, format!("unreadable header line: {refused}"));
                 }
                 self.problem = Some(refused);
                 false
@@ -169,14 +169,14 @@ impl Text {
         match LiveHeader::of_line(line, &rows.polled_names(), &self.setup) {
             Ok(Some(header)) if header == *known => {
                 if std::mem::take(&mut self.is_foreign) {
-                    rows.say(at_ns, "the headers are those of before again");
+                    rows.say(at_ns, "the earlier headers are back");
                 }
                 true
             }
             Ok(Some(_)) => {
                 if !std::mem::replace(&mut self.is_foreign, true) {
                     let other = String::from_utf8_lossy(line);
-                    rows.say(at_ns, format!("other headers than before, whose rows are not read: {other}"));
+                    rows.say(at_ns, format!("the headers changed, and rows below them are not read: {other}"));
                 }
                 true
             }
@@ -197,7 +197,7 @@ impl Text {
             self.before_header += u64::from(self.header.is_none());
             rows.counts.lost_bytes += line.len() as u64;
             if self.before_header == MANY_LINES && self.header.is_none() {
-                rows.say(at_ns, format!("{MANY_LINES} lines, and none has headers: give `headers` under [bench]"));
+                rows.say(at_ns, format!("{MANY_LINES} lines without headers: set `headers` under [bench]"));
             }
             return;
         };

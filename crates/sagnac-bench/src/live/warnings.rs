@@ -193,8 +193,7 @@ impl Watch {
         let own = |at: &usize| !self.columns.thermometers[*at].is_of_instrument;
         for (at, name) in names.iter().enumerate().filter(|(at, _)| own(at)) {
             if let Some(moved) = self.stands_still(at) {
-                let words =
-                    format!("{name} has stood still for {STILL} min{moved}: look at its cable and its converter");
+                let words = format!("{name} is stuck for {STILL} min{moved}: check its cable and its converter");
                 findings.push((WarningKind::StuckThermometer, name.clone(), words));
             }
         }
@@ -202,7 +201,7 @@ impl Watch {
         let means: Vec<f64> = minute.temperatures.iter().map(Value::mean).collect();
         for (at, by_c) in self.pairs.push(&means) {
             let words = format!(
-                "{} departs from the other thermometers by {} °C: it drifts, or has come off the block",
+                "{} differs from the other thermometers by {} °C: it drifts, or came off the block",
                 names[at],
                 significant(by_c, 2)
             );
@@ -218,7 +217,7 @@ impl Watch {
         let own = |at: &usize| !self.columns.thermometers[*at].is_of_instrument;
         if let Some((at, by)) = (0..names.len()).filter(own).find_map(|at| Some((at, too_fast(at)?))) {
             let words = format!(
-                "{} moves by {by} °C within a window of {} s: the block lags behind, and windows are divided; ramp more slowly",
+                "{} moves by {by} °C within a window of {} s, so windows are divided: ramp more slowly",
                 names[at], self.window_s
             );
             findings.push((WarningKind::RampTooFast, names[at].clone(), words));
@@ -281,7 +280,7 @@ impl Watch {
         if last.iter().all(|minute| part(minute) > MISSING) {
             let worst = last.iter().map(|minute| part(minute)).fold(0.0, f64::max);
             let words =
-                format!("{} % of the rows are missing: look at the line and its speed", significant(100.0 * worst, 2));
+                format!("{} % of the rows are missing: check the line and its speed", significant(100.0 * worst, 2));
             findings.push((WarningKind::MissingRows, "rows".to_owned(), words));
         }
         for (at, axis) in self.columns.axes.iter().enumerate() {
@@ -306,7 +305,7 @@ impl Watch {
             });
             if stopped && self.varied[at] {
                 let words = format!(
-                    "axis {letter}: the counts have stood still for {STOPPED} min: the counter is at its limit, or has stopped"
+                    "axis {letter}: the counts are stuck for {STOPPED} min: the counter is at its limit, or has stopped"
                 );
                 findings.push((WarningKind::CountsStandStill, letter.to_string(), words));
             }
@@ -316,7 +315,7 @@ impl Watch {
             };
             if self.last(LASTS).is_some_and(|last| last.iter().all(rises)) {
                 let words = format!(
-                    "axis {letter}: the counts rise by the same from row to row: a running total; set counter = \"cumulative\""
+                    "axis {letter}: the counts rise steadily, like a running total: set counter = \"cumulative\""
                 );
                 findings.push((WarningKind::CounterWraps, letter.to_string(), words));
                 continue;
@@ -326,7 +325,7 @@ impl Watch {
             let usual = self.usual_step(at);
             if let Some(bits) = wraps.filter(|_| step > 20.0 * usual) {
                 let words = format!(
-                    "axis {letter}: a step of nearly 2^{bits} counts: a counter of {bits} bits wraps; set counter_bits"
+                    "axis {letter}: the counts step by nearly 2^{bits}, like a wrapping counter: set counter_bits"
                 );
                 findings.push((WarningKind::CounterWraps, letter.to_string(), words));
             }
@@ -380,7 +379,7 @@ impl Watch {
         let nears = off.windows(2).map(|pair| pair[0] - pair[1]).sum::<f64>() / (FOLLOWS - 1) as f64;
         if off.iter().all(|off| *off > OFF_SET_POINT_C) && nears < NEARS_CPM {
             let words = format!(
-                "the chamber is {} °C from its set-point and does not come nearer: look at its door, its cooling and its limits",
+                "the chamber stays {} °C from its set-point: check its door, its cooling and its limits",
                 significant(off.last().copied().unwrap_or(f64::NAN), 2)
             );
             findings.push((WarningKind::ChamberNotFollowing, "chamber".to_owned(), words));
@@ -405,7 +404,7 @@ impl Watch {
             findings.push((
                 kind,
                 name.clone(),
-                format!("the loop of the {what} says {words} in {seconds} s of a minute"),
+                format!("the loop of the {what} reports {words} in {seconds} s of a minute"),
             ));
         }
         for (at, (_, name)) in self.columns.numbers.iter().enumerate() {
@@ -415,7 +414,7 @@ impl Watch {
                 let now = minute.numbers[at].mean();
                 if let Some(usual) = usual.filter(|usual| self.history.len() >= QUIET && now < DIM * usual) {
                     let part = significant(100.0 * now / usual, 2);
-                    findings.push((WarningKind::Light, name.clone(), format!("{name} is at {part} % of what it was")));
+                    findings.push((WarningKind::Light, name.clone(), format!("{name} fell to {part} % of its start")));
                 }
             }
             if name.contains("path_length") {
@@ -431,7 +430,7 @@ impl Watch {
                     })
                 };
                 if most > least && (stands(least) || stands(most)) {
-                    let words = format!("{name} has stood at its extreme for {AT_LIMIT} min: the loop is at its limit");
+                    let words = format!("{name} is at its extreme for {AT_LIMIT} min: the loop is at its limit");
                     findings.push((WarningKind::PathLength, name.clone(), words));
                 }
             }
@@ -442,7 +441,7 @@ impl Watch {
 fn clocks(clock: ClockReport) -> Option<Finding> {
     let ppm = clock.drift_ppm.filter(|ppm| ppm.abs() > CLOCKS_PPM)?;
     let words = format!(
-        "the gyro's clock gains {} ppm on the computer's: rates and the scale factor are off by as much",
+        "the gyro's clock gains {} ppm on the computer's: rates and scale factor have the same error",
         significant(ppm, 2)
     );
     Some((WarningKind::ClockDrift, "clock".to_owned(), words))

@@ -129,7 +129,7 @@ fn replaced(path: &Path, open: &File, at: u64) -> Option<String> {
     if now.len() < at {
         return Some("the file became shorter".to_owned());
     }
-    is_another(&now, &open.metadata().ok()?).then(|| "another file has its name".to_owned())
+    is_another(&now, &open.metadata().ok()?).then(|| "another file took its name".to_owned())
 }
 
 #[cfg(unix)]

@@ -272,7 +272,7 @@ fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
         });
         for input in data_given {
             console.note(format!(
-                "note: the code of {} follows from this fit's span and changes with the next; set gain_per_code under [[aux]] to fix it",
+                "note: the code of {} depends on the span of this fit. Set gain_per_code under [[aux]] to fix it",
                 input.name
             ));
         }

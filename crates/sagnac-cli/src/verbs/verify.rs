@@ -153,17 +153,17 @@ impl Verb for Args {
 /// Warns if the retest is a log of the fit: that proves nothing.
 fn warn_of_same_log(console: &mut Console, verification: &Verification) {
     for file in &verification.training_overlap {
-        console.note(format!("warning: {file} is a log that the calibration was made from; this is no proof"));
+        console.note(format!("warning: {file} is a log of the calibration itself, so this is no proof"));
     }
     if verification.training_unknown {
         console.note(
-            "warning: an image does not name its training logs; nothing shows that this test is another one: verify its record for a proof",
+            "warning: an image does not name its training logs: verify its calibration for a proof on unseen data",
         );
     }
     if !verification.untested_axes.is_empty() {
         let axes: Vec<String> = verification.untested_axes.iter().map(char::to_string).collect();
         console.note(format!(
-            "warning: the retest has no axis {}, which the calibration has: the unit is not accepted",
+            "warning: the retest lacks axis {} of the calibration, so the unit is not accepted",
             axes.join(", ")
         ));
     }

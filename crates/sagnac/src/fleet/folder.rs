@@ -124,7 +124,7 @@ pub fn results_in(folder: &Path) -> Result<Vec<UnitResult>> {
         let result: UnitResult =
             serde_json::from_slice(&text).map_err(|e| broken(format!("not the result of a unit: {e}")))?;
         if result.version != VERSION {
-            return Err(broken(format!("version {} of a unit's result; this program has {}", result.version, VERSION)));
+            return Err(broken(format!("the result has version {}, and this program has {}", result.version, VERSION)));
         }
         Ok(result)
     };

@@ -280,7 +280,7 @@ fn describe(scenario: &Scenario, seed: u64, rows: u64, console: &mut Console) {
     let random =
         scenario.arw_deg_rt_h() + scenario.noise.bias_instability_dph + scenario.noise.rate_random_walk_dph_rt_h;
     if random == 0.0 && scenario.thermometer.iter().all(|t| t.noise_c == 0.0) {
-        console.note("note: nothing in this scenario is random; every seed gives the same log ([noise], [dither])");
+        console.note("note: nothing in this scenario is random, so every seed gives the same log ([noise], [dither])");
     }
 }
 
