@@ -464,7 +464,7 @@ fn every_file_that_is_written_is_recognised() {
     saved("-", &["export", &record, "--to", "image", "-o", &path("unit.img")]);
     saved("-", &["export", &record, "--to", "upload", "-o", &path("upload.bin")]);
     saved("-", &["export", &record, "--to", "data-sheet", "-o", &path("unit.md")]);
-    saved("-", &["export", &record, "--to", "c", "-o", &path("c")]);
+    saved("-", &["export", &record, "--to", "c", "--with", "board,loops,banks,line", "-o", &path("c")]);
     saved("-", &["export", &record, "--to", "verilog", "-o", &path("rtl")]);
     saved("-", &["key", "new", "-o", &path("factory.key")]);
     saved("-", &["simulate", &scenario, "-o", &path("run.csv"), "--truth", &path("truth.csv")]);

@@ -128,14 +128,14 @@ fn an_export_replaces_no_makefile_of_another() {
     for name in ["Makefile", "README.md"] {
         let own = folder.join("project").join(name);
         fs::write(&own, "all:\n").unwrap();
-        let (status, said) = it.run("export unit.img --to c -o project");
+        let (status, said) = it.run("export unit.img --to c --with board,loops,banks,line -o project");
         assert!(status == 2 && said.contains(name) && said.contains("an empty folder"), "{said}");
         assert_eq!(fs::read_to_string(&own).unwrap(), "all:\n");
         assert!(!folder.join("project/sagnac_unit.c").exists(), "nothing is written");
         fs::remove_file(own).unwrap();
     }
     for _ in 0..2 {
-        let (status, said) = it.run("export unit.img --to c -o project");
+        let (status, said) = it.run("export unit.img --to c --with board,loops,banks,line -o project");
         assert_eq!(status, 0, "{said}");
     }
 }

@@ -67,8 +67,9 @@ fn c_and_verilog_are_whole_folders() {
         ),
     ] {
         let out = folder.path().join(to);
-        let (status, _, said) =
-            sagnac(&["export", text(&image), "--to", to, "-o", text(&out), "--loops", text(&mirror())]);
+        let parts: &[&str] = if to == "c" { &["--with", "board,loops,banks,line"] } else { &[] };
+        let export = ["export", text(&image), "--to", to, "-o", text(&out), "--loops", text(&mirror())];
+        let (status, _, said) = sagnac(&[&export[..], parts].concat());
         assert_eq!(status, 0, "{said}");
         for file in files {
             assert!(!fs::read_to_string(out.join(file)).unwrap().is_empty(), "{file}");
@@ -77,6 +78,46 @@ fn c_and_verilog_are_whole_folders() {
     let unit = fs::read_to_string(folder.path().join("c/sagnac_unit.c")).unwrap();
     // The worked example of docs/reference/image-format.md.
     assert!(unit.contains("PAPER-RIG") && unit.contains(".mantissa = 558484714, .shift = 33"), "{unit}");
+}
+
+/// The correction alone: ten files that say how large a count is, and a program that checks the unit on any compiler.
+#[test]
+fn the_default_export_states_its_counts_and_checks_its_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("c");
+    let (status, _, said) = sagnac(&["export", text(&paper()), "--to", "c", "-o", text(&out)]);
+    assert_eq!(status, 0, "{said}");
+    assert_eq!(fs::read_dir(&out).unwrap().count(), 10);
+    let header = fs::read_to_string(out.join("sagnac_unit.h")).unwrap();
+    // 1.059 arcsec per count in ticks of 100 µs: 1.059/3600/1e-4 = 2.94166… °/s. A rate of 1e-9 °/s is 3600·1e-9·1e-4/1.059 counts.
+    assert!(
+        header.contains("1 is 1.059 arcsec of angle")
+            && header.contains("1 in each tick of 100 us is 2.94166666667 deg/s"),
+        "{header}"
+    );
+    let value = |name: &str| -> f64 {
+        let line = header.lines().find(|line| line.contains(name)).unwrap_or_else(|| panic!("{header}"));
+        line.split(['(', ')']).nth(1).unwrap().parse().unwrap()
+    };
+    let ratio = value("_ABOVE ") / value("_BELOW ");
+    assert!((ratio / (3600.0 * 1e-9 * 1e-4 / 1.059) - 1.0).abs() < 1e-12, "{header}");
+    let check = || {
+        let sources =
+            ["sagnac_unit_check.c", "sagnac_unit.c", "sagnac_compensator.c", "sagnac_integer.c", "-o", "check"];
+        let built = std::process::Command::new("cc")
+            .args(["-std=c99", "-Wall", "-Werror"])
+            .args(sources)
+            .current_dir(&out)
+            .status();
+        assert!(built.unwrap().success());
+        std::process::Command::new(out.join("check")).output().unwrap()
+    };
+    let ran = check();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stdout));
+    // One constant of the unit changed: the check fails.
+    let unit = fs::read_to_string(out.join("sagnac_unit.c")).unwrap();
+    fs::write(out.join("sagnac_unit.c"), unit.replacen(".mantissa = 558484714", ".mantissa = 658484714", 1)).unwrap();
+    assert!(!check().status.success());
 }
 
 #[test]
