@@ -68,7 +68,8 @@ fn c_and_verilog_are_whole_folders() {
     ] {
         let out = folder.path().join(to);
         let parts: &[&str] = if to == "c" { &["--with", "board,loops,banks,line"] } else { &[] };
-        let export = ["export", text(&image), "--to", to, "-o", text(&out), "--loops", text(&mirror())];
+        let mirror = mirror();
+        let export = ["export", text(&image), "--to", to, "-o", text(&out), "--loops", text(&mirror)];
         let (status, _, said) = sagnac(&[&export[..], parts].concat());
         assert_eq!(status, 0, "{said}");
         for file in files {

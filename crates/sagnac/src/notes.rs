@@ -120,7 +120,7 @@ fn of_noise(fit: &FitDiagnostics, notes: &mut Vec<Note>) {
             "each run covers few temperatures: run offsets differ by {} °/h (σ), possibly by drift. To join the files: --one-run",
             significant(hidden, 2)
         );
-        Note::of(NoteLevel::Fact, NoteAbout::Fit, text)
+        Note::of(NoteLevel::Warning, NoteAbout::Fit, text)
     }));
 }
 
