@@ -73,7 +73,7 @@ pub(crate) fn unit_check(images: &[(String, &Image)], about: &str) -> String {
          typedef struct {\n    int32_t codes[SAGNAC_MAX_INPUTS];\n    int32_t raw[2];\n    int32_t counts[2];\n    uint32_t status[2];\n} row;\n\n",
     );
     for (name, image) in images {
-        let _ = write!(out, "static const row {name}_rows[] = {{\n");
+        let _ = writeln!(out, "static const row {name}_rows[] = {{");
         for Row { codes, raw, counts, status } in rows(image) {
             let list = |values: &[i32]| values.iter().map(|v| literal(*v)).collect::<Vec<_>>().join(", ");
             let _ = writeln!(

@@ -90,10 +90,10 @@ fn the_default_export_states_its_counts_and_checks_its_unit() {
     assert_eq!(status, 0, "{said}");
     assert_eq!(fs::read_dir(&out).unwrap().count(), 10);
     let header = fs::read_to_string(out.join("sagnac_unit.h")).unwrap();
-    // 1.059 arcsec per count in ticks of 100 µs: 1.059/3600/1e-4 = 2.94166… °/s. A rate of 1e-9 °/s is 3600·1e-9·1e-4/1.059 counts.
+    // Quarters of 1.059 arcsec in ticks of 100 µs: 0.26475/3600/1e-4 = 0.735416… °/s. A rate of 1e-9 °/s is 3600·1e-9·1e-4/0.26475 counts.
     assert!(
-        header.contains("1 is 1.059 arcsec of angle")
-            && header.contains("1 in each tick of 100 us is 2.94166666667 deg/s"),
+        header.contains("1 is 0.26475 arcsec of angle")
+            && header.contains("1 in each tick of 100 us is 0.735416666667 deg/s"),
         "{header}"
     );
     let value = |name: &str| -> f64 {
@@ -101,7 +101,7 @@ fn the_default_export_states_its_counts_and_checks_its_unit() {
         line.split(['(', ')']).nth(1).unwrap().parse().unwrap()
     };
     let ratio = value("_ABOVE ") / value("_BELOW ");
-    assert!((ratio / (3600.0 * 1e-9 * 1e-4 / 1.059) - 1.0).abs() < 1e-12, "{header}");
+    assert!((ratio / (3600.0 * 1e-9 * 1e-4 / 0.26475) - 1.0).abs() < 1e-12, "{header}");
     let check = || {
         let sources =
             ["sagnac_unit_check.c", "sagnac_unit.c", "sagnac_compensator.c", "sagnac_integer.c", "-o", "check"];

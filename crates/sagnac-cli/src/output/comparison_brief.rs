@@ -39,7 +39,7 @@ pub(crate) fn comparison_brief(comparison: &Comparison, wrote: &[String]) -> Bri
     let limits: Vec<String> = limits.collect();
     let more = (limits.len() > SHOWN).then(|| format!("     {} more limits: -v", limits.len() - SHOWN));
     let body: Vec<String> = changes.take(SHOWN).chain(limits.into_iter().take(SHOWN)).chain(more).collect();
-    let wrote = (!wrote.is_empty()).then(|| format!("wrote {}      ", wrote.join(", "))).unwrap_or_default();
+    let wrote = if wrote.is_empty() { String::new() } else { format!("wrote {}      ", wrote.join(", ")) };
     Brief {
         of: comparison.serial.clone(),
         word,
@@ -65,7 +65,7 @@ fn why_not(comparison: &Comparison, all: Judged, asked: usize) -> String {
 
 /// The largest change of each curve, and the numbers that are apart.
 fn changes(axis: &ComparedAxis) -> Vec<String> {
-    let of_curves = axis.curves.iter().filter_map(|curve| {
+    let of_curves = axis.curves.iter().map(|curve| {
         let largest = |record: &Vec<[f64; 2]>| record.iter().map(|[value, _]| value.abs()).fold(0.0, f64::max);
         let change = curve.differences.iter().map(largest).fold(0.0, f64::max);
         let disagrees = if curve.disagrees() { "changed" } else { "unchanged within noise" };
@@ -79,7 +79,7 @@ fn changes(axis: &ComparedAxis) -> Vec<String> {
         } else {
             String::new()
         };
-        Some(format!("{name}{size}{}", place.unwrap_or_default()))
+        format!("{name}{size}{}", place.unwrap_or_default())
     });
     let of_numbers = axis.numbers.iter().filter(|number| number.verdict().is_some());
     let of_numbers = of_numbers.filter_map(|number| Some(format!("axis {}: {}", axis.axis, number.verdict()?)));

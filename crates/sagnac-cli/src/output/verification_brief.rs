@@ -43,7 +43,7 @@ fn verdict(verification: &Verification) -> (&'static str, Tone, String) {
     let axes = &verification.axes;
     let total = Judged::of(axes.iter().flat_map(|axis| &axis.limits));
     let asked = total.met + total.not_met + total.not_decided;
-    let most = axes.iter().map(|axis| judged(axis)).map(|j| j.met + j.not_met + j.not_decided).max().unwrap_or(0);
+    let most = axes.iter().map(judged).map(|j| j.met + j.not_met + j.not_decided).max().unwrap_or(0);
     let all = counted(most, "limit", "limits");
     // `axes x, z miss 1 of 7 limits`; `axis x misses 2, axis z 1 of 7 limits`.
     let per_axis = |count: fn(Judged) -> usize, [one, several]: [&str; 2]| {
