@@ -110,7 +110,7 @@ def test_images_and_sources_are_the_programs(unit: sagnac.Calibration, record: P
     assert names == sorted(p.relative_to(tmp_path / "program") for p in (tmp_path / "program").rglob("*") if p.is_file())
     for name in names:
         assert (tmp_path / "package" / name).read_bytes() == (tmp_path / "program" / name).read_bytes()
-    (tmp_path / "package" / "Makefile").write_text("mine:\n")
+    (tmp_path / "package" / "README.md").write_text("mine\n")
     with pytest.raises(sagnac.InputError, match="would overwrite a file"):
         unit.export_c(tmp_path / "package")
 
