@@ -197,7 +197,7 @@ fn the_page_is_drawn_and_comes_back() {
         .unwrap();
     page.until(
         "a warning",
-        "return document.querySelector('#warnings li:not(.over) b')?.textContent.includes('stood still')",
+        "return document.querySelector('#warnings li:not(.over) b')?.textContent.includes('are stuck')",
     );
     // Killed: the page says so. Resumed: it goes on by itself, with what came meanwhile.
     bench.0.kill().unwrap();
