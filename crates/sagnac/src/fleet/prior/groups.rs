@@ -25,7 +25,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use statrs::distribution::{ChiSquared, ContinuousCDF, Normal};
 
-use super::{Member, symmetric};
+use super::members::Member;
+use super::triangle::symmetric;
 use sagnac_log::error::{Error, Result};
 
 /// Axes that are compared at most: evenly by their names.

@@ -20,10 +20,13 @@
 
 mod exact_sum;
 mod groups;
+mod lot_sums;
+mod members;
 mod of_unit;
 mod read;
 #[cfg(test)]
 mod tests;
+mod triangle;
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -32,24 +35,23 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use serde::{Deserialize, Serialize};
 
 pub use exact_sum::ExactSum;
+pub use lot_sums::LotSums;
+pub use members::NotUsed;
 pub use of_unit::PriorFile;
 
+use lot_sums::values;
+use members::{Member, copies, most_frequent, most_frequent_by, odd_ones, without_lags};
+use triangle::{lower, place, symmetric};
+
 use super::common_basis::CommonBasis;
-use super::control::{SIGMA_OF_MAD, median};
-use super::result::{AxisResult, UnitResult};
-use crate::fit::ln_of_residual;
+use super::control::median;
+use super::result::UnitResult;
 use sagnac_log::error::{Error, Result};
 
 /// Value of the `format` key.
 const FORMAT: &str = "sagnac-fleet-prior";
 /// Version of the file.
 const VERSION: u32 = 3;
-/// Kinds of noise in the sums: N, Q, B and K, then ln r and its square.
-const NOISES: usize = 6;
-/// Odd is further from the median than so many MAD as σ.
-const ODD_MADS: f64 = 5.0;
-/// Lots of fewer axes have the median of all.
-const LEAST_OF_LOT: usize = 8;
 /// Axes that a covariance needs, in all and for each term.
 const LEAST_AXES: u64 = 20;
 const LEAST_PER_TERM: u64 = 5;
@@ -140,36 +142,6 @@ pub struct LotMean {
     pub mean: Vec<f64>,
 }
 
-/// Axes that are not of the fleet.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[non_exhaustive]
-pub struct NotUsed {
-    /// Unit and axis, such as `RLG-7 x`; empty where it is a count.
-    pub axis: String,
-    /// Why.
-    pub reason: String,
-    /// How many.
-    pub axes: u64,
-}
-
-/// Sums over the axes of a lot.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[non_exhaustive]
-pub struct LotSums {
-    /// Axes.
-    pub axes: u64,
-    /// Σβ̂.
-    pub value: Vec<ExactSum>,
-    /// Σβ̂β̂ᵀ, the lower triangle.
-    pub product: Vec<ExactSum>,
-    /// ΣV, the lower triangle.
-    pub covariance: Vec<ExactSum>,
-    /// Axes whose N and Q are known.
-    pub noise_axes: u64,
-    /// Σ N², Σ Q² of those, Σ B² and Σ K² of all residuals, Σ ln r and Σ (ln r)².
-    pub noise: Vec<ExactSum>,
-}
-
 /// What the axes of a prior have in common.
 struct PriorHead {
     model: String,
@@ -180,19 +152,6 @@ struct PriorHead {
     fixed_lag_s: Option<f64>,
     window_s: Option<f64>,
     logs: BTreeSet<String>,
-}
-
-/// An axis that may be used.
-struct Member<'a> {
-    unit: &'a UnitResult,
-    axis: &'a AxisResult,
-    basis: Cow<'a, CommonBasis>,
-}
-
-impl Member<'_> {
-    fn name(&self) -> String {
-        format!("{} {}", self.unit.unit, self.axis.axis)
-    }
 }
 
 impl Prior {
@@ -443,77 +402,6 @@ fn beyond(scatter: &DMatrix<f64>, covariance: &DMatrix<f64>) -> Option<(DMatrix<
     back.iter().all(|value| value.is_finite()).then_some((back, directions))
 }
 
-impl LotSums {
-    fn empty(terms: usize) -> Self {
-        let zeros = |n: usize| vec![ExactSum::default(); n];
-        let triangle = terms * (terms + 1) / 2;
-        Self {
-            axes: 0,
-            noise_axes: 0,
-            value: zeros(terms),
-            product: zeros(triangle),
-            covariance: zeros(triangle),
-            noise: zeros(NOISES),
-        }
-    }
-
-    fn of(members: &[&Member<'_>]) -> Self {
-        let terms = members.first().map_or(0, |member| member.basis.coefficients.len());
-        let triangle = || (0..terms).flat_map(|i| (0..=i).map(move |j| (i, j)));
-        let sum = |value: &dyn Fn(&CommonBasis) -> f64| ExactSum::of(members.iter().map(|member| value(&member.basis)));
-        let noise = |value: fn(&AxisResult) -> Option<f64>| {
-            ExactSum::of(members.iter().filter_map(|member| Some(value(member.axis)?.powi(2))))
-        };
-        Self {
-            axes: members.len() as u64,
-            noise_axes: members.iter().filter(|member| member.axis.n_deg_rt_h.is_some()).count() as u64,
-            value: (0..terms).map(|i| sum(&|basis| basis.coefficients[i])).collect(),
-            product: triangle().map(|(i, j)| sum(&|basis| basis.coefficients[i] * basis.coefficients[j])).collect(),
-            covariance: triangle().map(|(i, j)| sum(&|basis| basis.covariance[place(i, j)])).collect(),
-            noise: vec![
-                noise(|axis| axis.n_deg_rt_h),
-                noise(|axis| axis.q_arcsec),
-                noise(|axis| axis.bias_instability_dph),
-                noise(|axis| axis.rate_random_walk_dph_rt_h),
-                ExactSum::of(members.iter().map(|member| residual_ln(member.axis))),
-                ExactSum::of(members.iter().map(|member| residual_ln(member.axis).powi(2))),
-            ],
-        }
-    }
-
-    fn merge(&mut self, other: &Self) {
-        self.axes += other.axes;
-        self.noise_axes += other.noise_axes;
-        let parts = [
-            (&mut self.value, &other.value),
-            (&mut self.product, &other.product),
-            (&mut self.covariance, &other.covariance),
-            (&mut self.noise, &other.noise),
-        ];
-        for (own, more) in parts {
-            own.iter_mut().zip(more).for_each(|(own, more)| own.merge(more));
-        }
-    }
-}
-
-fn values(sums: &[ExactSum]) -> Vec<f64> {
-    sums.iter().map(ExactSum::value).collect()
-}
-
-/// Place of an entry in a lower triangle.
-fn place(i: usize, j: usize) -> usize {
-    let (row, column) = (i.max(j), i.min(j));
-    row * (row + 1) / 2 + column
-}
-
-fn symmetric(lower: &[f64], p: usize) -> DMatrix<f64> {
-    DMatrix::from_fn(p, p, |i, j| lower.get(place(i, j)).copied().unwrap_or(f64::NAN))
-}
-
-fn lower(matrix: &DMatrix<f64>) -> Vec<f64> {
-    (0..matrix.nrows()).flat_map(|i| (0..=i).map(move |j| matrix[(i, j)])).collect()
-}
-
 /// Rates that both spans hold, lag by lag.
 fn both(one: &[[f64; 2]], other: &[[f64; 2]]) -> Vec<[f64; 2]> {
     one.iter().zip(other).map(|(a, b)| [a[0].max(b[0]), a[1].min(b[1])]).collect()
@@ -525,83 +413,4 @@ fn parted<T>(all: Vec<T>, is: impl Fn(&T) -> bool) -> (Vec<T>, Vec<T>) {
 
 fn counted(reason: &str, axes: usize) -> NotUsed {
     NotUsed { axis: String::new(), reason: reason.to_owned(), axes: axes as u64 }
-}
-
-/// The model of most axes; the first by its name among equals.
-fn most_frequent(members: &[Member<'_>]) -> Option<String> {
-    most_frequent_by(members, |member| member.axis.model.clone())
-}
-
-fn most_frequent_by<T: Ord>(members: &[Member<'_>], key: impl Fn(&Member<'_>) -> T) -> Option<T> {
-    let mut counts: BTreeMap<T, usize> = BTreeMap::new();
-    members.iter().for_each(|member| *counts.entry(key(member)).or_default() += 1);
-    counts.into_iter().rev().max_by_key(|(_, count)| *count).map(|(value, _)| value)
-}
-
-/// Without units whose logs are those of a unit before: one test says once how units scatter.
-fn copies(members: Vec<Member<'_>>) -> (Vec<Member<'_>>, Vec<NotUsed>) {
-    let mut first: BTreeMap<&str, &str> = BTreeMap::new();
-    let mut not_used = Vec::new();
-    let own = members.into_iter().filter(|member| {
-        let unit = member.unit.unit.as_str();
-        let others = member.unit.inputs_sha256.iter().map(|input| *first.entry(input).or_insert(unit));
-        let other = others.filter(|other| *other != unit).last();
-        not_used.extend(other.map(|other| NotUsed {
-            axis: member.name(),
-            reason: format!("its log is that of {other}"),
-            axes: 1,
-        }));
-        other.is_none()
-    });
-    (own.collect(), not_used)
-}
-
-/// Terms without the lags: of a test that resolves a lag its coefficients are the same, with their own covariance.
-fn without_lags(basis: &CommonBasis) -> CommonBasis {
-    let kept: Vec<usize> = (0..basis.terms.len()).filter(|at| !basis.terms[*at].ends_with("lag_s")).collect();
-    let text = |all_texts: &[String]| kept.iter().map(|at| all_texts[*at].clone()).collect();
-    let covariance = kept.iter().enumerate().flat_map(|(row, i)| kept[..=row].iter().map(|j| place(*i, *j)));
-    CommonBasis {
-        terms: text(&basis.terms),
-        units: text(&basis.units),
-        coefficients: kept.iter().map(|at| basis.coefficients[*at]).collect(),
-        covariance: covariance.map(|at| basis.covariance[at]).collect(),
-    }
-}
-
-/// ln r of a record's residual.
-fn residual_ln(axis: &AxisResult) -> f64 {
-    let correlation = axis.residual_autocorrelation.unwrap_or(0.0);
-    ln_of_residual(axis.residual_dph.unwrap_or(1.0), correlation)
-}
-
-/// Names of axes that are far from the median of their lot, each with what is odd.
-fn odd_ones(members: &[Member<'_>]) -> BTreeMap<String, String> {
-    let mut out = BTreeMap::new();
-    let terms = members.first().map_or(&[][..], |member| &member.basis.terms);
-    for (at, term) in terms.iter().enumerate() {
-        let value = |member: &Member<'_>| member.basis.coefficients.get(at).copied().unwrap_or(f64::NAN);
-        let mut by_lot: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-        members.iter().for_each(|member| by_lot.entry(&member.unit.lot).or_default().push(value(member)));
-        let middle = |member: &Member<'_>| {
-            by_lot.get(member.unit.lot.as_str()).filter(|own| own.len() >= LEAST_OF_LOT).map(|own| median(own))
-        };
-        let mad = |away: &mut dyn Iterator<Item = f64>| SIGMA_OF_MAD * median(&away.map(f64::abs).collect::<Vec<_>>());
-        let sigma = mad(&mut members.iter().filter_map(|member| Some(value(member) - middle(member)?)));
-        // Of a small lot: how far it may be from the others is how far lots are from each other, each counted once.
-        let medians: Vec<f64> = by_lot.values().map(|own| median(own)).collect();
-        let of_all = median(&medians);
-        let of_lots = mad(&mut medians.iter().map(|own| own - of_all));
-        for member in members {
-            let (away, sigma, of) = match middle(member) {
-                Some(own) => (value(member) - own, sigma, "of its lot"),
-                None => (value(member) - of_all, sigma.hypot(of_lots), "of all lots"),
-            };
-            if sigma > 0.0 && away.abs() > ODD_MADS * sigma {
-                let how = sagnac_units::format::significant(away / sigma, 2);
-                out.entry(member.name()).or_insert_with(|| format!("odd: {term} is {how} σ from the median {of}"));
-            }
-        }
-    }
-    out
 }

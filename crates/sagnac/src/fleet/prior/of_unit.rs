@@ -17,7 +17,9 @@ use std::path::Path;
 use super::read::MOST_BYTES;
 use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
-use super::{LEAST_OF_LOT, LotMean, LotSums, Population, Prior, scatter_about_means};
+use super::lot_sums::LotSums;
+use super::members::LEAST_OF_LOT;
+use super::{LotMean, Population, Prior, scatter_about_means};
 use crate::fit::{ResidualOfFleet, UnitPrior};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{hex, sha256};

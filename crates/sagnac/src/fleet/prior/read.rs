@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::{FORMAT, LotSums, NOISES, Prior, PriorHead, VERSION};
+use super::lot_sums::{LotSums, NOISES};
+use super::{FORMAT, Prior, PriorHead, VERSION};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{hex, sha256};
 use sagnac_log::read::read_text;

@@ -3,6 +3,7 @@
 use super::*;
 use crate::fleet::Outcome;
 use crate::fleet::draws::Draws;
+use crate::fleet::result::AxisResult;
 
 /// L·z of three normal values.
 fn with(draws: &mut Draws, factor: &[[f64; 3]; 3]) -> [f64; 3] {
