@@ -20,7 +20,7 @@ fn read(folder: &TempDir, name: &str) -> Vec<u8> {
 }
 
 #[test]
-fn log_and_truth_are_written_beside_each_other_and_the_same_again() {
+fn log_and_truth_are_written_next_to_each_other_and_the_same_again() {
     let folder = TempDir::new().unwrap();
     let paper = scenario("paper");
     for (log, truth) in [("a.csv", "a.truth.csv"), ("b.csv", "b.truth.csv")] {

@@ -70,7 +70,7 @@ fn names(comparison: &Comparison) -> Vec<String> {
     (0..comparison.records.len()).map(|record| name(comparison, record)).collect()
 }
 
-/// What changed besides the figures.
+/// Changes other than in the values.
 fn changes(comparison: &Comparison) -> PageTable {
     let row = |change: &Change| {
         let record = name(comparison, change.record);

@@ -264,7 +264,7 @@ fn hadamard_chart(axis: &AxisBudget) -> Option<Chart> {
         dashed: false,
     };
     let allan: Vec<&CurvePoint> = axis.curve.iter().filter(|point| point.adev_dph > 0.0).collect();
-    let beside = Curve {
+    let allan_curve = Curve {
         label: "overlapping Allan deviation".to_owned(),
         x: allan.iter().map(|p| p.tau_s).collect(),
         y: allan.iter().map(|p| p.adev_dph).collect(),
@@ -277,7 +277,7 @@ fn hadamard_chart(axis: &AxisBudget) -> Option<Chart> {
         caption: "The Hadamard deviation does not see a steady ramp. Rate random walk alone brings it to 0.71 of the Allan deviation: only where it is well below that does a ramp make the difference.".to_owned(),
         x_label: "averaging time τ, s".to_owned(),
         y_label: "deviation, °/h".to_owned(),
-        curves: vec![curve, beside],
+        curves: vec![curve, allan_curve],
         bands: band(axis.hadamard.iter().map(|p| (p.tau_s, p.lower_dph, p.upper_dph))),
         decades: true,
         ..Chart::default()

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use sagnac::calibration::{AxisCalibration, Candidate, Monomial, Prediction, SearchStep};
 use sagnac_units::format::{celsius, on_scale, significant, unit, with_sigma};
 
-/// Candidates shown besides the one that was selected.
+/// Candidates shown next to the selected one.
 const SHOWN_CANDIDATES: usize = 12;
 
 pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {

@@ -18,7 +18,7 @@ pub(crate) struct SignArgs {
     pub(crate) block: BlockArgs,
 }
 
-/// What a signature says besides the image.
+/// Statements of a signature next to the image.
 #[derive(clap::Args)]
 pub(crate) struct BlockArgs {
     /// Gyro type in the firmware, at most 16 bytes

@@ -108,7 +108,7 @@ fn joined(remarks: &[Remark]) -> Vec<Remark> {
     out
 }
 
-/// The first remarks that have room, and how many there are besides them.
+/// The first remarks, as many as have room, and the number of the others.
 fn chosen(remarks: Vec<Remark>, room: usize) -> Vec<String> {
     let lines_of = |line: &str| wrapped(line, Some(MOST_COLUMNS)).lines().count();
     let all: Vec<String> = remarks.iter().map(Remark::line).collect();

@@ -8,7 +8,7 @@ use crate::output::console::Console;
 use crate::output::tables::excluded;
 use crate::output::terminal::table;
 
-/// Candidates shown besides the one that was selected.
+/// Candidates shown next to the selected one.
 const SHOWN_CANDIDATES: usize = 8;
 
 /// One axis, the verdict first.

@@ -123,8 +123,8 @@ impl UnitProgress {
         self.0.iter().for_each(|bar| bar.0.inc(1));
     }
 
-    /// Prints something above it.
-    pub(crate) fn beside(&self, print: impl FnOnce()) {
+    /// Prints above the bar.
+    pub(crate) fn while_hidden(&self, print: impl FnOnce()) {
         match &self.0 {
             Some(bar) => bar.0.suspend(print),
             None => print(),

@@ -1,4 +1,4 @@
-//! What differs between two records besides their values: model, setup, data, program.
+//! Differences between two records apart from their values: model, setup, data, program.
 //!
 //! A change of a value means something else when the model or the setup changed with it, so that these are said first.
 

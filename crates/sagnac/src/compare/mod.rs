@@ -221,7 +221,7 @@ pub struct Comparison {
     pub serial: String,
     /// Per record: its name and the time of its newest sample, s.
     pub records: Vec<(String, f64)>,
-    /// In which each record differs from the first besides its values: model, setup, data, program.
+    /// Differences of each record from the first, apart from its values: model, setup, data, program.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub changes: Vec<Change>,
     /// Logs that more than one of them was made from: such records are not independent, and agree too well.

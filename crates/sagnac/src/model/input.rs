@@ -64,7 +64,7 @@ impl Signal {
         }
     }
 
-    /// Every signal of a log besides the thermometer of the fit, simplest first.
+    /// Every signal of a log except the thermometer of the fit, simplest first.
     pub(crate) fn others(shape: &WindowShape, main: usize) -> Vec<Self> {
         let count = shape.thermometers.len();
         let thermometers = (0..count).filter(|at| *at != main).map(Self::Thermometer);

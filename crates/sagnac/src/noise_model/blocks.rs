@@ -41,7 +41,7 @@ impl RowNoise {
 #[derive(Clone, Copy)]
 pub(crate) struct Estimated {
     pub(crate) best: RowNoise,
-    beside: [RowNoise; 2],
+    more_and_less: [RowNoise; 2],
     /// Rows less parameters.
     degrees: f64,
 }
@@ -50,13 +50,13 @@ impl Estimated {
     /// White noise of a known variance.
     pub(crate) fn white(white: f64, degrees: f64) -> Self {
         let best = RowNoise { slow: SlowNoise::default(), white };
-        Self { best, beside: [best; 2], degrees }
+        Self { best, more_and_less: [best; 2], degrees }
     }
 
     /// By how much 1.96 standard errors of a value are to be widened to a 95 % interval, because the noise is an estimate: Student's t
     /// with degrees of freedom after Satterthwaite, as for the terms of a fit. `variance` is that of the value.
     pub(crate) fn widening(&self, variance: impl Fn(RowNoise) -> f64) -> f64 {
-        let [more, less] = self.beside.map(variance);
+        let [more, less] = self.more_and_less.map(variance);
         let slope = if less > 0.0 { (more / less).ln() / (2.0 * SLOPE_STEP) } else { 0.0 };
         t_quantile_975(self.degrees, slope, self.best.slow) / NORMAL_QUANTILE_975
     }
@@ -97,7 +97,7 @@ fn shown(likelihood: &RestrictedLikelihood) -> Option<Estimated> {
     let slow = estimate(likelihood.nominal_s, |noise| likelihood.criterion(noise)).mixed;
     let with = |slow| likelihood.misfit(slow).map(|misfit| RowNoise { slow, white: misfit.ssr / degrees });
     let [more, less] = [SLOPE_STEP, -SLOPE_STEP].map(|step| with(slow.scaled(step.exp())));
-    Some(Estimated { best: with(slow)?, beside: [more?, less?], degrees })
+    Some(Estimated { best: with(slow)?, more_and_less: [more?, less?], degrees })
 }
 
 /// Columns, the last of them measured, as independent rows: solved.

@@ -120,7 +120,7 @@ pub struct Enough {
     pub met: bool,
     /// Axis by axis.
     pub axes: Vec<EnoughAxis>,
-    /// What is open besides.
+    /// Further open points.
     pub open: Vec<String>,
     /// Hours until everything is met, as far as it can be said.
     pub hours_to_go: Option<f64>,

@@ -90,7 +90,7 @@ pub(crate) struct Args {
     setup: SetupArgs,
 }
 
-/// What ends a recording besides Ctrl-C and the end of its source.
+/// Ends of a recording other than Ctrl-C and the end of its source.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum StopWhen {
     /// Nothing.

@@ -83,7 +83,7 @@ impl Verb for Args {
         let report = |done: Done| {
             let (console, lines) = &mut *told.lock().unwrap_or_else(PoisonError::into_inner);
             bar.one_more();
-            lines.take(done).into_iter().for_each(|line| bar.beside(|| console.say(line)));
+            lines.take(done).into_iter().for_each(|line| bar.while_hidden(|| console.say(line)));
         };
         let ran = fleet::calibrate(&units, &work, &self.output, &report);
         drop(bar);

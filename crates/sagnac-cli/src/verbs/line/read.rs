@@ -41,7 +41,7 @@ pub(crate) struct Args {
     tick_us: f64,
 }
 
-/// Findings besides the rows.
+/// Findings next to the rows.
 #[derive(Default)]
 struct FrameTally {
     outputs: u64,

@@ -126,8 +126,8 @@ impl ChartRecorder {
             significant(mean, 6)
         );
         charts[1].caption =
-            "What the counted rate is made of besides the input and the noise; only sources that move are \
-                             drawn, each less its mean. A log holds none of this."
+            "Parts of the counted rate other than the input and the noise. Only sources that move are drawn, each less \
+             its mean. A log holds none of this."
                 .to_owned();
         let words = if self.scenario.description.is_empty() { &self.scenario.name } else { &self.scenario.description };
         ChartPage {

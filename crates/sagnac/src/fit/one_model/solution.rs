@@ -168,7 +168,7 @@ pub(crate) fn whitened_misfit(problem: &LeastSquares<'_>, fitted: &Fitted, white
 }
 
 /// A column that a fit does not have, next to its levels and terms.
-pub(crate) struct Beside {
+pub(crate) struct AddedColumn {
     /// Coefficients of the terms that make the column as far as they can.
     pub(crate) of_terms: Vec<f64>,
     /// Sum of squares of the column that they cannot make, in whitened rows.
@@ -181,12 +181,12 @@ pub(crate) struct Beside {
 const OWN_PART: f64 = 1e-12;
 
 /// How a column relates to the fit; `None` where the terms depend on each other.
-pub(crate) fn beside(
+pub(crate) fn added_column(
     problem: &LeastSquares<'_>,
     fitted: &Fitted,
     whitening: &Whitening,
     column: &[f64],
-) -> Option<Beside> {
+) -> Option<AddedColumn> {
     let mut design = Design::new(problem, &fitted.terms, &values(&fitted.taus));
     design.whitening = Some(whitening);
     let FactoredColumns { factor, count } = design.factor(&[column.to_vec()]);
@@ -196,7 +196,7 @@ pub(crate) fn beside(
     let with = factor.solve(&(0..count).collect::<Vec<_>>());
     let coefficient = with.map_or(0.0, |solution| solution.theta[count - 1]);
     let of_terms = regression.theta.iter().copied().skip(problem.levels().len()).collect();
-    Some(Beside { of_terms, misfit, coefficient })
+    Some(AddedColumn { of_terms, misfit, coefficient })
 }
 
 /// Series and zones of the bias over the thermometer of the fit, where there are zones: squares above their knots look alike

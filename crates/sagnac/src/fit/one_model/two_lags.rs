@@ -188,8 +188,8 @@ impl PairSearch<'_> {
     /// The least fast lag that fits as well as any, and the slow lag of least misfit next to it.
     fn with_least_fast(&self, near: &[[usize; 2]], all: &[[usize; 2]], misfits: &[f64], taus_s: &[f64]) -> LagPair {
         let Some(fast) = near.iter().map(|pair| pair[0]).min() else { return LagPair::Nothing };
-        let beside = all.iter().zip(misfits).filter(|(pair, _)| pair[0] == fast);
-        let best = beside.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(pair, _)| pair[1]);
+        let with_fast = all.iter().zip(misfits).filter(|(pair, _)| pair[0] == fast);
+        let best = with_fast.min_by(|(_, a), (_, b)| a.total_cmp(b)).map(|(pair, _)| pair[1]);
         match best.filter(|slow| *slow > 0 && slow + 1 < taus_s.len()) {
             None => LagPair::NotSeparated,
             Some(slow) => {

@@ -174,7 +174,7 @@ pub(crate) fn refuse_other_terms(
     let bound = StudentsT::new(0.0, 1.0, spare_rows.max(1.0))
         .map_or(f64::INFINITY, |t| t.inverse_cdf(1.0 - (1.0 - OTHER_TERM) / (2.0 * others.len().max(1) as f64)));
     for (name, column) in others {
-        let Some(in_sigma) = linear.beside(problem, column, noise, solved.variance) else { continue };
+        let Some(in_sigma) = linear.added_column(problem, column, noise, solved.variance) else { continue };
         if in_sigma.abs() > bound {
             return Err(not_of_fleet(format!(
                 "{name}, which the fleet's model does not have, is {:.1} σ from none in this test, at most {bound:.1} at {:.1} %",

@@ -202,7 +202,7 @@ impl Linear {
     }
 
     /// γ/σ of one more column, of which nothing is known before; `None` where the others explain it whole.
-    pub(crate) fn beside(
+    pub(crate) fn added_column(
         &self,
         problem: &LeastSquares<'_>,
         column: Vec<f64>,

@@ -26,8 +26,8 @@ use crate::fit::selection::given::given;
 use crate::fit::selection::held_by_image::ImageCheck;
 use crate::fit::selection::prices::CONDITION_MAX;
 use crate::fit::selection::selected::Selected;
-use crate::fit::uncertainty::beside_curve::beside_curve;
 use crate::fit::uncertainty::entanglement::entangled;
+use crate::fit::uncertainty::other_curves::spread_and_lack_of_fit;
 use crate::fit::uncertainty::soak::{Extension, soak};
 use crate::fit::uncertainty::whole_noise::whole_noise;
 use crate::image::Holder;
@@ -170,7 +170,7 @@ fn with_uncertainty(
         (record.drift(celsius, reference_c), variance)
     };
     let soak = Extension::new(problem, fitted, slow).and_then(|extension| soak(&record, &extension));
-    let (curve_spread, lack_of_fit) = beside_curve(selected, fitted, slow, curve);
+    let (curve_spread, lack_of_fit) = spread_and_lack_of_fit(selected, fitted, slow, curve);
     let windows = problem.windows();
     let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
     let white = noise.white_variance(problem, fitted, slow);

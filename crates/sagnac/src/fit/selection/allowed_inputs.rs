@@ -124,7 +124,7 @@ fn find_input(name: &str, main: Signal, shape: &WindowShape) -> Result<Signal> {
     Ok(signal)
 }
 
-/// Inputs besides the thermometer of the fit that `auto` may use: those named in the setup, otherwise all that vary and are
+/// Inputs other than the thermometer of the fit that `auto` may use: those named in the setup, otherwise all that vary and are
 /// known in enough windows.
 pub(crate) fn candidate_inputs(
     windows: &Windows,

@@ -43,7 +43,7 @@ pub(crate) fn justified(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s:
 
 /// The best set of columns.
 fn best(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Option<Vec<Level>> {
-    let noise = noise_beside(problem, specs, taus_s)?;
+    let noise = noise_of_largest(problem, specs, taus_s)?;
     let whitening = Whitening::new(problem.noise_rows(), noise);
     let runs = problem.runs.len();
     let each: Vec<Level> = (0..if runs > 1 { runs } else { 0 }).map(|run| Level::Drift(Some(run))).collect();
@@ -53,9 +53,9 @@ fn best(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Opti
     let mut graded = graded_sets(problem, &whitening, specs, taus_s, &[], &sets(&of_all))?;
     if !each.is_empty() {
         // A drift of each run takes the place of that of all.
-        let beside_each: Vec<Vec<Level>> =
+        let with_each: Vec<Vec<Level>> =
             sets(&of_all).into_iter().filter(|set| !set.contains(&Level::Drift(None))).collect();
-        graded.extend(graded_sets(problem, &whitening, specs, taus_s, &each, &beside_each)?);
+        graded.extend(graded_sets(problem, &whitening, specs, taus_s, &each, &with_each)?);
     }
     let variance = graded.iter().map(|(grades, _)| grades.variance).fold(f64::INFINITY, f64::min);
     let tried_taus = of_all.iter().filter(|level| level.warm_up_s().is_some()).count();
@@ -118,7 +118,7 @@ fn graded_sets(
 }
 
 /// Slow noise of the largest model next to a drift and a warm-up of middle length, so that neither counts as noise.
-fn noise_beside(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Option<SlowNoise> {
+fn noise_of_largest(problem: &LeastSquares<'_>, specs: &[ModelSpec], taus_s: &[f64]) -> Option<SlowNoise> {
     let largest = specs.iter().max_by_key(|spec| spec.coefficients())?;
     let warm_ups = warm_ups(problem);
     let further: Vec<Level> =

@@ -14,7 +14,7 @@
 use crate::calibration::{CurveSpread, Entanglement, MovedTogether};
 use crate::diagnostics::WindowPoint;
 use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
-use crate::fit::one_model::solution::{Fitted, beside};
+use crate::fit::one_model::solution::{Fitted, added_column};
 use crate::fit::problem::curve_points::{POINTS, temperature};
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::levels::Level;
@@ -69,7 +69,7 @@ fn added(
         (0..POINTS).map(|point| curve(problem, fitted, values, temperature(problem, point)).abs()).fold(0.0, f64::max);
     let mut most = vec![0.0_f64; POINTS];
     for column in &columns {
-        let Some(solution) = beside(problem, fitted, &whitening, column) else { continue };
+        let Some(solution) = added_column(problem, fitted, &whitening, column) else { continue };
         let scale = (variance / solution.misfit + solution.coefficient.powi(2)).sqrt();
         for (point, most) in most.iter_mut().enumerate() {
             let celsius = temperature(problem, point);

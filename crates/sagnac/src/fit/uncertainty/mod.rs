@@ -1,8 +1,8 @@
 //! What selection and the design of the test add to the uncertainty of the curve.
 
-pub(crate) mod beside_curve;
 pub(crate) mod curve_spread;
 pub(crate) mod entanglement;
+pub(crate) mod other_curves;
 pub(crate) mod rivals;
 pub(crate) mod soak;
 pub(crate) mod whole_noise;

@@ -7,7 +7,7 @@ use crate::fit::selection::grid::affordable;
 use crate::fit::selection::prices::GIVEN_TAUS;
 use crate::fit::selection::selected::Selected;
 use crate::fit::uncertainty::curve_spread::{Rival, rivals_of, spread};
-use crate::fit::uncertainty::rivals::{OfRows, beside_series, lack_of_fit};
+use crate::fit::uncertainty::rivals::{OfRows, lack_of_fit, rivals_of_shape};
 use crate::model::spec::{InputTerms, ModelSpec};
 use crate::noise_model::processes::SlowNoise;
 use crate::noise_model::whitening::Whitening;
@@ -16,7 +16,7 @@ use crate::noise_model::whitening::Whitening;
 /// where the rows contradict its shape. Neither for models of more than series and zones over one thermometer.
 ///
 /// Next to a model that was asked for nothing counts unless the rows contradict it.
-pub(crate) fn beside_curve(
+pub(crate) fn spread_and_lack_of_fit(
     selected: &Selected<'_>,
     fitted: &Fitted,
     noise: SlowNoise,
@@ -39,7 +39,7 @@ pub(crate) fn beside_curve(
     let Some(grades) = grade(problem, &whitening, &specs, &taus_s) else { return (None, None) };
     let of_rows = OfRows { whitening: &whitening, variance: grades.variance, taus: taus_s.len() };
     let series = rivals_of(grades, problem, &specs);
-    let shapes = beside_series(problem, fitted, of_rows, &curve);
+    let shapes = rivals_of_shape(problem, fitted, of_rows, &curve);
     // Of the series the selection has judged.
     let judged = if is_given { series.iter().chain(&shapes).collect() } else { shapes.iter().collect::<Vec<_>>() };
     let lack = lack_of_fit(problem, fitted, of_rows, &judged, &curve);

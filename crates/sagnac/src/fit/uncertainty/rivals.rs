@@ -83,7 +83,7 @@ pub(crate) fn lack_of_fit(
 }
 
 /// Rivals of a fitted series, without those that its rows do not determine; `curve` is the fitted one.
-pub(crate) fn beside_series(
+pub(crate) fn rivals_of_shape(
     problem: &LeastSquares<'_>,
     fitted: &Fitted,
     of_rows: OfRows<'_>,
@@ -361,7 +361,7 @@ mod tests {
             let of_rows = OfRows { whitening: &whitening, variance: fitted.sigma_dph.powi(2), taus: 1 };
             let b1 = fitted.theta[problem.levels().len()];
             let curve = |celsius: f64| (b1 * (problem.span().x(celsius) - problem.span().x(25.0)), 0.0);
-            let rivals = beside_series(&problem, &fitted, of_rows, &curve);
+            let rivals = rivals_of_shape(&problem, &fitted, of_rows, &curve);
             lack_of_fit(&problem, &fitted, of_rows, &rivals.iter().collect::<Vec<_>>(), &curve)
         };
         let found = lack(0.02).unwrap();
