@@ -467,6 +467,17 @@ fn empty_cells_at_the_ends_of_lines_are_no_columns() {
     assert_eq!(survey(at, "first.csv").0["windows"], plain["windows"]);
 }
 
+/// Units that Sagnac does not know map no column: the line of `init` says that the setup is not complete.
+#[test]
+fn init_counts_the_values_that_no_log_says() {
+    let folder = TempDir::new().unwrap();
+    let log = "Uhrzeit;Kammer [degF];Drehrate [mdeg/s]\n08:00:00;68,00;12,7\n08:00:10;68,00;12,8\n";
+    fs::write(folder.path().join("log.csv"), log).unwrap();
+    let init = sagnac(folder.path(), &["init", "log.csv", "-o", "bench.toml"]);
+    let line = String::from_utf8_lossy(&init.stdout);
+    assert_eq!(line.trim(), "wrote bench.toml: 0 guesses, 2 values to fill in: see NEEDED");
+}
+
 /// A time in minutes, rounded, does not give the length of a row.
 #[test]
 fn init_takes_no_time_in_minutes_for_one_in_seconds() {

@@ -10,7 +10,7 @@ use sagnac_log::ingest::header::{Role, role_of};
 use sagnac_log::ingest::{Sample, SampleColumn, sample};
 use sagnac_log::setup::ThermometerSetup;
 use sagnac_log::write::write_bytes;
-use sagnac_units::format::{file_name, one_line};
+use sagnac_units::format::{counted, file_name, one_line};
 
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
@@ -39,12 +39,14 @@ impl Verb for Args {
             None => console.say(text.trim_end()),
             Some(path) => {
                 write_bytes(path, text.as_bytes())?;
-                let guesses = text.lines().filter(|line| line.contains("GUESS")).count().saturating_sub(1);
-                console.say(format!(
-                    "wrote {}: {guesses} guess{}",
-                    path.display(),
-                    if guesses == 1 { "" } else { "es" }
-                ));
+                let lines = |mark: &str| text.lines().filter(|line| line.contains(mark)).count();
+                // The head names the mark too.
+                let guesses = counted(lines("GUESS").saturating_sub(1), "guess", "guesses");
+                let needed = match lines("# NEEDED") {
+                    0 => String::new(),
+                    n => format!(", {} to fill in: see NEEDED", counted(n, "value", "values")),
+                };
+                console.say(format!("wrote {}: {guesses}{needed}", path.display()));
             }
         }
         Ok(Outcome::Done)
