@@ -174,7 +174,7 @@ impl LimitSpec {
         Verdict {
             value: Some(value),
             sigma,
-            margin: (limit > 0.0).then(|| room / limit),
+            margin: (limit > 0.0).then(|| room / limit).filter(|margin| margin.is_finite()),
             pass: Some(matches!(decided, Decided::Met)),
             undecided_hours,
             why: None,
@@ -373,7 +373,7 @@ limits! {
         |a| plain(a.bias_of_every_run().ok().and_then(|biases| Some(biases.turn_ons?.sigma_upper_dph))),
         "fewer than two runs, or one that is shorter than eight windows or was turned at one rate alone";
     /// largest fixed bias of a run
-    fixed_bias_dph_max: "fixed bias, largest", Most, ANY, "deg/h", KnownInput,
+    fixed_bias_dph_max: "fixed bias after correction, largest", Most, ANY, "deg/h", KnownInput,
         |a| size(a.bias_of_every_run().ok().and_then(BiasRepeatability::largest_bias_dph)), RUN_WITHOUT_BIAS;
     /// scale factor less that of the calibration
     scale_factor_repeatability_ppm_max: "scale factor repeatability", Most, ANY, "ppm", BothTurned,

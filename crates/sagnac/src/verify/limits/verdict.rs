@@ -29,7 +29,7 @@ pub struct Verdict {
     /// The guard band reaches across the limit: hours of retest, beyond those of this one, after which it would no longer.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub undecided_hours: Option<f64>,
-    /// Room between value and limit as a part of the limit; negative where it is not met, null without a value.
+    /// Room between value and limit as a part of the limit; negative where it is not met, null without a value or for a limit next to zero.
     pub margin: Option<f64>,
     /// Run whose value this is, where it is worse alone than all runs together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
