@@ -45,6 +45,8 @@ pub(crate) struct Asked {
     #[pyo3(item)]
     warm_up: bool,
     #[pyo3(item)]
+    remove_bias: bool,
+    #[pyo3(item)]
     source_date_epoch: Option<i64>,
     #[pyo3(item)]
     prior: Option<PathBuf>,
@@ -66,7 +68,8 @@ impl Asked {
         Ok(FitOptions::new(self.model.parse()?)
             .prior(prior)
             .source_date_epoch(self.source_date_epoch)
-            .correct_warm_up(self.warm_up))
+            .correct_warm_up(self.warm_up)
+            .remove_bias(self.remove_bias))
     }
 }
 

@@ -35,6 +35,15 @@ def test_attributes_are_the_records(unit: sagnac.Calibration) -> None:
     assert "<svg" in html and MODEL in html
 
 
+def test_the_fixed_bias_goes_on_request(unit: sagnac.Calibration) -> None:
+    runs = [CHAMBER / "cycle-1.csv.gz", CHAMBER / "cycle-2.csv.gz"]
+    again = sagnac.calibrate(runs, BENCH, model=MODEL, remove_bias=True)
+    kept, removed = (made.to_dict()["axes"][0] for made in (unit, again))
+    bias = removed.pop("fixed_bias")
+    assert bias["value_dph"] == pytest.approx(numpy.mean([run["fixed_bias_dph"] for run in kept["run_offsets"]]))
+    assert bias["runs"] == 2 and removed == kept
+
+
 def test_tables_go_everywhere(unit: sagnac.Calibration) -> None:
     table = unit.residuals()
     frame = polars.DataFrame(table)

@@ -60,6 +60,9 @@ pub(crate) fn coefficients(axis: &AxisCalibration) -> Markup {
                 }
             }
         } }
+        @if let Some(bias) = axis.correction.fixed_bias {
+            p.note { "The correction removes the fixed bias too: " (with_sigma(bias.value_dph, Some(bias.sigma_dph))) " °/h, the mean of " (bias.runs) " runs." }
+        }
     }
 }
 

@@ -499,6 +499,8 @@ impl Frame {
             let head = TermHead { kind, input: index as u8, shape: target, multiplier };
             out.extend(self.row(head, name, fitted.value * factor * unit * rate)?);
         }
+        // The correction is zero at T0, but for a fixed bias that it removes.
+        at_reference[0] -= correction.fixed_bias.map_or(0.0, |bias| bias.value_dph * self.per_dph());
         for (kind, zero) in [Kind::Bias, Kind::Scale].into_iter().zip(at_reference) {
             let head = TermHead { kind, input: 0, shape: Shape::Chebyshev(0), multiplier: Multiplier::One };
             out.extend(self.row(head, "the value of all terms at their references".to_owned(), -zero)?);

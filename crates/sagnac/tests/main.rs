@@ -12,6 +12,7 @@ mod copies;
 mod counts;
 mod coverage;
 mod entanglement;
+mod fixed_bias;
 mod formats;
 mod harmonics;
 mod hostile;

@@ -69,6 +69,7 @@ def calibrate(
     model: str = "auto",
     columns: Mapping[str, str] | None = None,
     warm_up: bool = False,
+    remove_bias: bool = False,
     prior: Path | None = None,
     lot: str | None = None,
     keep_outliers: bool = False,
@@ -83,6 +84,7 @@ def calibrate(
         model: ``"auto"``, or such as ``"bias 3, rate 1"``.
         columns: Names of columns to Sagnac's own: ``{"gyro_z": "rate_radps_z"}``.
         warm_up: Corrects a drift with time that the runs show.
+        remove_bias: Removes the fixed bias at the reference temperature too; needs ``input_rate_dph`` or ``earth``.
         prior: A file of ``sagnac fleet prior``.
         lot: The unit's lot, for the prior.
         keep_outliers: Keeps windows that look like bumps or steps.
@@ -94,7 +96,8 @@ def calibrate(
         InputError: A run or a setup that cannot be read.
         Refused: The data cannot support a calibration.
     """
-    for name, value, of in [("model", model, str), ("warm_up", warm_up, bool), ("keep_outliers", keep_outliers, bool)]:
+    flags = [("warm_up", warm_up), ("remove_bias", remove_bias), ("keep_outliers", keep_outliers)]
+    for name, value, of in [("model", model, str), *((name, value, bool) for name, value in flags)]:
         if not isinstance(value, of):
             raise InputError(f"{of.__name__} is needed, not {type(value).__name__}", name, f"give a {of.__name__}")
     epoch = os.environ.get("SOURCE_DATE_EPOCH")
@@ -107,6 +110,7 @@ def calibrate(
     asked: dict[str, object] = {
         "model": model,
         "warm_up": warm_up,
+        "remove_bias": remove_bias,
         "source_date_epoch": source_date_epoch,
         "prior": None if prior is None else os.fspath(prior),
         "lot": lot,

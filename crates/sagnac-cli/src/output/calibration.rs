@@ -36,6 +36,10 @@ pub(crate) fn describe(console: &mut Console, axis: &AxisCalibration) {
             axis.reference_c()
         ));
     }
+    if let Some(bias) = axis.correction.fixed_bias {
+        let value = with_sigma(bias.value_dph, Some(bias.sigma_dph));
+        console.say(format!("  the correction removes the fixed bias too: {value} °/h, mean of {} runs", bias.runs));
+    }
     if let Some(scale) = axis.scale_factor() {
         console.say(scale_factor(scale, axis.reference_c()));
     }

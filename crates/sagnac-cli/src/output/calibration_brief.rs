@@ -126,20 +126,28 @@ fn remarks(calibration: &Calibration) -> Vec<Remark> {
     calibration.axes.iter().flat_map(of_axis).chain(kept_bias(calibration)).collect()
 }
 
-/// The correction is zero at T0: the mean rate there stays.
+/// The bias at T0: kept, or removed.
 fn kept_bias(calibration: &Calibration) -> Option<Remark> {
-    let mean = |axis: &AxisCalibration, of: &dyn Fn(&RunOffset) -> Option<f64>| {
+    let removed = |axis: &AxisCalibration| axis.correction.fixed_bias.map(|bias| bias.value_dph);
+    let of_runs = |axis: &AxisCalibration, of: &dyn Fn(&RunOffset) -> Option<f64>| {
         let all: Vec<f64> = axis.run_offsets.iter().filter_map(of).collect();
         (!all.is_empty()).then(|| all.iter().sum::<f64>() / all.len() as f64)
     };
-    let knows_input = calibration.axes.iter().all(|axis| mean(axis, &|run| run.fixed_bias_dph).is_some());
-    let what = if knows_input { "fixed bias" } else { "mean rate, Earth rate included," };
-    let of_axis = |axis: &AxisCalibration| {
-        let value = mean(axis, &|run| if knows_input { run.fixed_bias_dph } else { Some(run.value_dph) })?;
-        Some(format!("{} {}", axis.axis, significant(value, 3)))
+    let axes = &calibration.axes;
+    let is_removed = axes.iter().all(|axis| removed(axis).is_some());
+    let knows_input = axes.iter().all(|axis| of_runs(axis, &|run| run.fixed_bias_dph).is_some());
+    let value = |axis: &AxisCalibration| match (is_removed, knows_input) {
+        (true, _) => removed(axis),
+        (false, true) => of_runs(axis, &|run| run.fixed_bias_dph),
+        (false, false) => of_runs(axis, &|run| Some(run.value_dph)),
     };
-    let all: Vec<String> = calibration.axes.iter().take(3).filter_map(of_axis).collect();
-    let reference_c = calibration.axes.first()?.reference_c();
-    let text = format!("the {what} at {reference_c:.0} °C stays in the output ({} °/h)", all.join(", "));
-    (!all.is_empty()).then(|| Remark::note(text))
+    let all = axes.iter().take(3).filter_map(|axis| Some(format!("{} {}", axis.axis, significant(value(axis)?, 3))));
+    let values = all.collect::<Vec<_>>().join(", ");
+    let reference_c = axes.first()?.reference_c();
+    let text = match (is_removed, knows_input) {
+        (true, _) => format!("the fixed bias at {reference_c:.0} °C is removed ({values} °/h)"),
+        (false, true) => format!("fixed bias at {reference_c:.0} °C is kept ({values} °/h): --remove-bias"),
+        (false, false) => format!("mean rate at {reference_c:.0} °C, Earth rate included, is kept ({values} °/h)"),
+    };
+    (!values.is_empty()).then(|| Remark::note(text))
 }

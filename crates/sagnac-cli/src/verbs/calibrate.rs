@@ -65,6 +65,9 @@ pub(crate) struct Args {
     /// Corrects the warm-up since power-on too, where the runs hold one: every log must begin at power-on
     #[arg(long)]
     warm_up: bool,
+    /// Removes the fixed bias at the reference temperature too; needs the input rate of each axis, 0 included
+    #[arg(long, conflicts_with = "prior")]
+    remove_bias: bool,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     json: bool,
@@ -95,6 +98,7 @@ impl Verb for Args {
             .prior(prior)
             .source_date_epoch(source_date_epoch()?)
             .correct_warm_up(self.warm_up)
+            .remove_bias(self.remove_bias)
             .progress(of_fit());
         let (windows, setup) = self.reading.windows(&self.logs)?;
         for run in windows.runs.iter().filter(|run| run.files.len() > 1) {

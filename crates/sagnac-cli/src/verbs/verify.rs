@@ -232,7 +232,7 @@ fn flown(flight: &PositionError) -> String {
 fn bias_repeatability(repeatability: &BiasRepeatability) -> String {
     let text = |e: Estimate| with_sigma(e.value, Some(e.sigma));
     let mut out = format!(
-        "  fixed bias of the calibration {} °/h ({})",
+        "  fixed bias after the correction: calibration {} °/h ({})",
         text(repeatability.calibration_dph),
         repeatability.input_text()
     );

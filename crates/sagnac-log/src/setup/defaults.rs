@@ -8,6 +8,8 @@
 //!
 //! A key without a default is read as the field that it is.
 
+use std::collections::BTreeMap;
+
 use super::{
     AuxSetup, Counter, DEFAULT_TICK_NS, ONE_SECOND_NS, PerAxis, Setup, TableRun, ThermometerSetup, WindowSize,
 };
@@ -83,6 +85,25 @@ impl Setup {
     /// Known input rates, °/h: as given, else by site and attitude.
     pub fn input_rates_dph(&self) -> Option<PerAxis<f64>> {
         self.input_rate_dph.clone().or_else(|| self.earth.as_ref().map(|earth| earth.rate_dph()))
+    }
+
+    /// Known input rates of the axes of a log, °/h: as stated here, else by another.
+    ///
+    /// # Errors
+    /// One value other than 0, or one direction, for several axes; axes of which the log has none.
+    pub fn input_rates_of_log(&self, else_by: Option<&PerAxis<f64>>, letters: &[char]) -> Result<Option<PerAxis<f64>>> {
+        match (&self.input_rate_dph, &self.earth) {
+            (Some(PerAxis::Only(0.0)), _) | (None, None) => {}
+            (Some(stated), _) => stated.check_log(letters)?,
+            (None, Some(earth)) => earth.axis_direction.check_log(letters)?,
+        }
+        let stated = self.input_rates_dph();
+        let value = |axis: char| {
+            let own = |all: Option<&PerAxis<f64>>| all.and_then(|all| all.of(axis, letters.len()));
+            own(stated.as_ref()).or_else(|| own(else_by))
+        };
+        let values: BTreeMap<char, f64> = letters.iter().filter_map(|axis| Some((*axis, value(*axis)?))).collect();
+        Ok((!values.is_empty()).then_some(PerAxis::Each(values)))
     }
 
     /// Input rate of an axis of a log with so many axes, °/h.

@@ -4,7 +4,8 @@
 //! Ω sin φ up, −Ω sin φ down, Ω cos φ north, −Ω cos φ south, 0 east and west      φ the latitude, Ω = 15.041 °/h
 //! ```
 //!
-//! A bare value is of the only axis of a log. Where a log has several, each needs its own: one direction cannot be that of all.
+//! A bare value is of the only axis of a log. Where a log has several, each needs its own: one direction cannot be that of all. A bare
+//! 0 is of every axis: the gyro is at rest, and the Earth rate does not matter to it.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -30,15 +31,17 @@ pub enum PerAxis<T> {
     Each(BTreeMap<char, T>),
 }
 
-impl<T: Copy> PerAxis<T> {
+impl PerAxis<f64> {
     /// The value of an axis of a log with so many axes; `None` where it has none.
-    pub fn of(&self, axis: char, axes: usize) -> Option<T> {
+    pub fn of(&self, axis: char, axes: usize) -> Option<f64> {
         match self {
-            Self::Only(value) => (axes == 1).then_some(*value),
+            Self::Only(value) => (axes == 1 || *value == 0.0).then_some(*value),
             Self::Each(values) => values.get(&axis).copied(),
         }
     }
+}
 
+impl<T: Copy> PerAxis<T> {
     /// All of them.
     pub(super) fn values(&self) -> impl Iterator<Item = T> + '_ {
         let (only, each) = match self {
@@ -48,31 +51,15 @@ impl<T: Copy> PerAxis<T> {
         only.into_iter().chain(each.into_iter().flatten())
     }
 
-    /// What is stated of the axes of a log: here, else by another.
-    ///
-    /// # Errors
-    /// One value for several axes; axes of which the log has none.
-    pub fn of_log(stated: Option<&Self>, else_by: Option<&Self>, letters: &[char]) -> Result<Option<Self>> {
-        if let Some(stated) = stated {
-            stated.check_log(letters)?;
-        }
-        let value = |axis: char| {
-            let own = |all: Option<&Self>| all.and_then(|all| all.of(axis, letters.len()));
-            own(stated).or_else(|| own(else_by))
-        };
-        let values: BTreeMap<char, T> = letters.iter().filter_map(|axis| Some((*axis, value(*axis)?))).collect();
-        Ok((!values.is_empty()).then_some(Self::Each(values)))
-    }
-
     /// It can be of a log with these axes.
-    fn check_log(&self, letters: &[char]) -> Result<()> {
+    pub(super) fn check_log(&self, letters: &[char]) -> Result<()> {
         let have: Vec<String> = letters.iter().map(char::to_string).collect();
         let refused = |what: String| {
             let each: Vec<String> = have.iter().map(|axis| format!("{axis} = …")).collect();
             Err(Error::input(
                 what,
                 format!(
-                    "give the rate of each known axis: input_rate_dph = {{ {} }}, or axis_direction in [earth]",
+                    "give the rate of each known axis: input_rate_dph = {{ {} }}, 0 for all, or axis_direction in [earth]",
                     each.join(", ")
                 ),
             )
@@ -210,6 +197,7 @@ pub fn input_rate_hint(axis: char, axes: usize) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::setup::Setup;
 
     /// Domain notes §1: 4.498 °/h on a vertical axis at 17.4° N.
     #[test]
@@ -235,13 +223,18 @@ mod tests {
     fn a_log_has_what_is_stated_of_its_axes() {
         let each = |text: &str| text.parse::<PerAxis<f64>>().unwrap();
         let of_log = |stated: &str, else_by: &str, letters: &[char]| {
-            PerAxis::of_log(Some(&each(stated)), Some(&each(else_by)), letters)
+            let setup = Setup { input_rate_dph: Some(each(stated)), ..Setup::default() };
+            setup.input_rates_of_log(Some(&each(else_by)), letters)
         };
         // What a retest does not state is as the calibration had it.
         assert_eq!(of_log("x=1,y=2", "2", &['x']).unwrap(), Some(each("x=1")));
         assert_eq!(of_log("x=1", "x=2,y=3,z=4", &['x', 'y']).unwrap(), Some(each("x=1,y=3")));
         assert_eq!(of_log("1", "2", &['z']).unwrap(), Some(each("z=1")));
         assert_eq!(of_log("x=1", "2", &['x', 'y']).unwrap(), Some(each("x=1")));
+        assert_eq!(of_log("0", "2", &['x', 'y']).unwrap(), Some(each("x=0,y=0")));
+        let east = Earth { latitude_deg: 17.4, axis_direction: Direction::East.into() };
+        let setup = Setup { earth: Some(east), ..Setup::default() };
+        assert!(setup.input_rates_of_log(None, &['x', 'y']).is_err(), "two axes of a triad do not both look east");
         for (stated, letters, word) in
             [("1", "xy", "cannot be that of"), ("q=1", "x", "log has x"), ("x=1,Y=1", "xyz", "rates of Y")]
         {

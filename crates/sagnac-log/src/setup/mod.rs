@@ -272,7 +272,7 @@ pub struct Setup {
     pub instance: Option<u8>,
     /// Added to the time of temperatures to bring them to the time of the counts, s.
     pub temperature_offset_s: f64,
-    /// Input rate along the axis during the test, °/h, if known; of a log with several axes one each: `{ x = 0.0, z = 4.498 }`.
+    /// Input rate along the axis during the test, °/h, if known; of a log with several axes one each, `{ x = 0.0, z = 4.498 }`, or 0 for all.
     pub input_rate_dph: Option<PerAxis<f64>>,
     /// Site and attitude, from which the input rate of a static test follows.
     pub earth: Option<Earth>,

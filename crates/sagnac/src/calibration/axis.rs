@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::axis_record::{AxisRecord, FitDiagnostics};
 use crate::calibration::{
-    Candidate, CorrectionTerm, CrossValidation, FitResidual, Input, InputSource, Lag, Monomial, NoiseFloor, RunOffset,
-    ScaleFactor, WarmUp,
+    Candidate, CorrectionTerm, CrossValidation, FitResidual, FixedBias, Input, InputSource, Lag, Monomial, NoiseFloor,
+    RunOffset, ScaleFactor, WarmUp,
 };
 use crate::model::{BASIS_LEN, Form, Span, TermShape};
 
@@ -23,6 +23,8 @@ pub struct AxisCorrection {
     pub terms: Vec<CorrectionTerm>,
     /// The warm-up since power-on; null where it is not corrected.
     pub warm_up: Option<WarmUp>,
+    /// The fixed bias at T0; null where the correction keeps it.
+    pub fixed_bias: Option<FixedBias>,
 }
 
 impl AxisCorrection {

@@ -9,12 +9,13 @@ impl From<AxisCalibration> for AxisRecord {
         let (lag_s, rate_span_cpm) = (main.and_then(|m| m.lag_s), main.and_then(|m| m.rate_span_per_min));
         let (reference_c, span_c) = main.map_or((f64::NAN, [f64::NAN; 2]), |m| (m.reference, m.span));
         let AxisCalibration { axis, correction, run_offsets, monomial, zones, fit } = axis;
-        let AxisCorrection { model, inputs, terms, warm_up } = correction;
+        let AxisCorrection { model, inputs, terms, warm_up, fixed_bias } = correction;
         let record = Self {
             axis,
             model,
             terms,
             warm_up,
+            fixed_bias,
             lag_s,
             reference_c,
             span_c,
@@ -49,8 +50,8 @@ impl TryFrom<AxisRecord> for AxisCalibration {
             return Err(format!("axis {}: `{name}` is not that of inputs[0], which it repeats", record.axis));
         }
         let fit = record.take_fit();
-        let AxisRecord { axis, model, terms, warm_up, inputs, run_offsets, monomial, zones, .. } = record;
-        let correction = AxisCorrection { model, inputs, terms, warm_up };
+        let AxisRecord { axis, model, terms, warm_up, fixed_bias, inputs, run_offsets, monomial, zones, .. } = record;
+        let correction = AxisCorrection { model, inputs, terms, warm_up, fixed_bias };
         Ok(Self { axis, correction, run_offsets, monomial, zones, fit })
     }
 }

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::{
     Candidate, Collinearity, CorrectionNoise, CorrectionTerm, CrossValidation, CurveSpread, Entanglement, FitResidual,
-    Hysteresis, Input, LackOfFit, Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput, RejectedModel,
-    RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, TimeEffect, WarmUp, WholeNoise,
+    FixedBias, Hysteresis, Input, LackOfFit, Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput,
+    RejectedModel, RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, TimeEffect, WarmUp, WholeNoise,
 };
 
 /// Makes [`FitDiagnostics`] and [`AxisRecord`] of one list of diagnostics, in the order of the file.
@@ -42,6 +42,9 @@ macro_rules! diagnostics {
             /// The warm-up since power-on that the target corrects; absent where it corrects none.
             #[serde(default, skip_serializing_if = "Option::is_none")]
             pub(crate) warm_up: Option<WarmUp>,
+            /// The fixed bias that the target removes too; absent where it keeps it.
+            #[serde(default, skip_serializing_if = "Option::is_none")]
+            pub(crate) fixed_bias: Option<FixedBias>,
             /// Lag of the rate terms over the thermometer of the fit; null without any.
             pub(crate) lag_s: Option<Lag>,
             /// T0, °C.

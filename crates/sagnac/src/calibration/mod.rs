@@ -28,7 +28,7 @@ pub use crate::calibration::axis::{AxisCalibration, AxisCorrection, NonlinearPar
 pub use crate::calibration::axis_record::FitDiagnostics;
 pub use crate::calibration::input::{Input, InputSource, Lag};
 pub use crate::calibration::of_fit::{
-    Candidate, CrossValidation, FitResidual, Monomial, NoiseFloor, RunOffset, WholeNoise,
+    Candidate, CrossValidation, FitResidual, FixedBias, Monomial, NoiseFloor, RunOffset, WholeNoise,
 };
 pub use crate::calibration::profile::{Entanglement, MovedTogether, TimeEffect, TimeEffectKind, WarmUp};
 pub(crate) use crate::calibration::provenance::log_files;

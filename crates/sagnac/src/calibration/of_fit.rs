@@ -67,6 +67,31 @@ pub struct NoiseFloor {
     pub source: String,
 }
 
+/// The fixed bias that a correction removes, with the drift over temperature.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[non_exhaustive]
+pub struct FixedBias {
+    /// Mean over the runs of run offset less input rate, at T0, °/h.
+    pub value_dph: f64,
+    /// Its standard deviation: that of the fit, or from the scatter of the runs, whichever is larger, °/h.
+    pub sigma_dph: f64,
+    /// Runs behind it. A bias changes at each turn-on.
+    pub runs: usize,
+}
+
+impl FixedBias {
+    /// Of runs whose input rate is known; `None` without any.
+    pub(crate) fn of(offsets: &[RunOffset]) -> Option<Self> {
+        let biases: Vec<f64> = offsets.iter().filter_map(|offset| offset.fixed_bias_dph).collect();
+        let n = biases.len() as f64;
+        let value_dph = biases.iter().sum::<f64>() / n;
+        let own: f64 = offsets.iter().map(|offset| offset.sigma_dph.unwrap_or(0.0).powi(2)).sum::<f64>() / n;
+        let scatter = biases.iter().map(|b| (b - value_dph).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
+        (!biases.is_empty()).then(|| Self { value_dph, sigma_dph: (own.max(scatter) / n).sqrt(), runs: biases.len() })
+    }
+}
+
 /// The residual that the gyro's noise alone makes, white and slow.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]

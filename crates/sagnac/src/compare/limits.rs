@@ -62,7 +62,7 @@ pub const COMPARED: [ComparedLimit; 9] = [
     },
     ComparedLimit {
         key: "bias_repeatability_dph_max",
-        label: "difference of the mean fixed biases of two records at T0",
+        label: "difference of the mean fixed biases of two records at T0, as logged",
         from: "run offsets less the input rate, where all records have one",
         value: |all| {
             all.of_bias(|biases| ComparedValue::Pairs(pairs_of(biases, |a, b| Ok(difference(a.mean, b.mean)))))
@@ -76,7 +76,7 @@ pub const COMPARED: [ComparedLimit; 9] = [
     },
     ComparedLimit {
         key: "fixed_bias_dph_max",
-        label: "largest fixed bias of a run",
+        label: "largest fixed bias of a run, as logged",
         from: "the same",
         value: |all| all.of_bias(|biases| largest(biases.iter().flat_map(|record| &record.runs).copied())),
     },

@@ -74,7 +74,13 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
     let letter = setup.axis.unwrap_or('x');
     let axis = AxisCalibration {
         axis: letter,
-        correction: AxisCorrection { model: format!("bias {order}"), inputs: vec![input], terms, warm_up: None },
+        correction: AxisCorrection {
+            model: format!("bias {order}"),
+            inputs: vec![input],
+            terms,
+            warm_up: None,
+            fixed_bias: None,
+        },
         run_offsets: vec![run_offset(at_reference, setup.input_rate_of(letter, 1))],
         monomial: Some(Monomial {
             run: 0,

@@ -13,7 +13,7 @@ use crate::rate_table::input::RateTableInput;
 use crate::window::{WindowShape, Windows};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::Reason;
-use sagnac_log::setup::{PerAxis, Setup};
+use sagnac_log::setup::Setup;
 use sagnac_units::s_from_ns;
 
 /// Fits every axis.
@@ -35,7 +35,7 @@ pub fn calibrate_with_report_data(
     options: &FitOptions,
 ) -> Result<(Calibration, ReportData)> {
     check_with_prior(options)?;
-    let rates = PerAxis::of_log(setup.input_rates_dph().as_ref(), None, &windows.shape.axes);
+    let rates = setup.input_rates_of_log(None, &windows.shape.axes);
     let stated = &Setup { input_rate_dph: rates.map_err(|e| of_file(e, &windows))?, earth: None, ..setup.clone() };
     let sensor = sensor_of(&windows.shape, stated).map_err(|e| of_file(e, &windows))?;
     check_aux(&windows.shape, stated)?;

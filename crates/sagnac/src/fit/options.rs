@@ -43,6 +43,8 @@ pub struct FitOptions {
     pub source_date_epoch: Option<i64>,
     /// Whether a warm-up since power-on is a part of the correction, where the runs hold one; every run then begins at power-on.
     pub corrects_warm_up: bool,
+    /// Whether the fixed bias at T0 is a part of the correction; every input rate is then known.
+    pub removes_bias: bool,
     /// What is known of the unit before its test; its model takes the place of `model`.
     pub prior: Option<UnitPrior>,
     /// Told what the fit is doing.
@@ -53,7 +55,7 @@ impl FitOptions {
     /// A model, by least squares.
     pub fn new(model: Model) -> Self {
         let progress = Progress::default();
-        Self { model, source_date_epoch: None, corrects_warm_up: false, prior: None, progress }
+        Self { model, source_date_epoch: None, corrects_warm_up: false, removes_bias: false, prior: None, progress }
     }
 
     /// With the time of SOURCE_DATE_EPOCH instead of that of the newest input sample.
@@ -66,6 +68,12 @@ impl FitOptions {
     #[must_use]
     pub fn correct_warm_up(self, corrects_warm_up: bool) -> Self {
         Self { corrects_warm_up, ..self }
+    }
+
+    /// With the fixed bias at T0 in the correction. The input rate of every axis must be known.
+    #[must_use]
+    pub fn remove_bias(self, removes_bias: bool) -> Self {
+        Self { removes_bias, ..self }
     }
 
     /// With what is known of the unit before its test.

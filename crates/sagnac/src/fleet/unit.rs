@@ -119,9 +119,9 @@ fn key_of(unit: &Unit, setup: &Setup, options: &FitOptions, recipe: &Recipe) -> 
     let hashes = |logs: &[PathBuf]| {
         logs.iter().map(|log| Ok([file_name(log), sha256_of_file(log)?])).collect::<Result<Vec<_>>>()
     };
-    let FitOptions { model, source_date_epoch, corrects_warm_up, prior, progress: _ } = options;
+    let FitOptions { model, source_date_epoch, corrects_warm_up, removes_bias, prior, progress: _ } = options;
     let prior = prior.as_ref().map(|prior| (&prior.sha256, &prior.lot));
-    let fit = format!("{model:?} {source_date_epoch:?} {corrects_warm_up} {prior:?}");
+    let fit = format!("{model:?} {source_date_epoch:?} {corrects_warm_up} {removes_bias} {prior:?}");
     let limits = recipe.limits.as_ref().map(|limits| &limits.source);
     let logs = (hashes(&unit.runs)?, hashes(&unit.retests)?);
     let all = (VERSION, crate::calibration::program(), fit, setup, setup.memory.windows(), limits, logs);

@@ -40,7 +40,7 @@ use crate::verify::replay::paired::PairedWindows;
 use crate::verify::values::of_axis::{Against, Retest, unit_of};
 use sagnac_log::error::Result;
 use sagnac_log::ingest::{LogReader, Logs, hex, share_rows};
-use sagnac_log::setup::{PerAxis, Setup};
+use sagnac_log::setup::Setup;
 
 /// Replays retest logs through the images of a correction and compares both sides, window by window. Every window that has
 /// counts is judged, unless the options exclude some.
@@ -60,7 +60,7 @@ pub fn verify<'a>(
     // What the setup of the retest does not state is as the calibration had it.
     let of_calibration = correction.setup().input_rates_dph();
     let letters = &logs.first()?.shape().axes;
-    let input_rate_dph = PerAxis::of_log(setup.input_rates_dph().as_ref(), of_calibration.as_ref(), letters)?;
+    let input_rate_dph = setup.input_rates_of_log(of_calibration.as_ref(), letters)?;
     let stated = &Setup { input_rate_dph, earth: None, ..setup.clone() };
     let mut whole = PairedWindows::replayed(correction, logs, setup)?;
     whole.leave_out_unknown(stated)?;

@@ -1,8 +1,8 @@
 //! The record of the fit of one axis.
 
 use crate::calibration::{
-    AxisCalibration, AxisCorrection, Collinearity, CorrectionNoise, FitDiagnostics, FitResidual, Hysteresis, LogUnit,
-    PriorUse, RunOffset, Target, TimeEffect, TimeEffectKind,
+    AxisCalibration, AxisCorrection, Collinearity, CorrectionNoise, FitDiagnostics, FitResidual, FixedBias, Hysteresis,
+    LogUnit, PriorUse, RunOffset, Target, TimeEffect, TimeEffectKind,
 };
 use crate::diagnostics::{
     AxisReportData, WindowPoint, hysteresis_of, offsets_hide_drift, points, ramp_rates_cpm, run_spans,
@@ -37,9 +37,9 @@ use crate::noise_model::processes::SlowNoise;
 use crate::noise_model::stated::{noise_floor_of, stated_noise};
 use crate::rate_table::input::RateTableInput;
 use crate::window::Windows;
-use sagnac_log::error::Result;
+use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::AngleUnit;
-use sagnac_log::setup::Setup;
+use sagnac_log::setup::{Setup, input_rate_hint};
 
 /// Windows of a leg that make a mean.
 const LEAST_OF_LEG: usize = 10;
@@ -130,10 +130,15 @@ pub(crate) fn fit_axis(
         covariance: fitted.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
         covariance_of: covariance_of(fitted, problem),
     };
+    let run_offsets = run_offsets(fitted, problem, setup.input_rate_of(letter, windows.shape.axes.len()));
+    let fixed_bias = FixedBias::of(&run_offsets).filter(|_| options.removes_bias);
+    if options.removes_bias && fixed_bias.is_none() {
+        return Err(unknown_input(letter, windows.shape.axes.len()));
+    }
     let record = AxisCalibration {
         axis: letter,
-        correction: AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up },
-        run_offsets: run_offsets(fitted, problem, setup.input_rate_of(letter, windows.shape.axes.len())),
+        correction: AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up, fixed_bias },
+        run_offsets,
         monomial,
         zones,
         fit: Some(diagnostics),
@@ -142,6 +147,12 @@ pub(crate) fn fit_axis(
     let record = if options.prior.is_some() { record } else { with_uncertainty(record, &one, sensor, stated) };
     let points = drawn.points(&record, windows, axis, sensor);
     Ok((with_profile(record, &points), AxisReportData { axis: letter, points, effects: drawn.effects }))
+}
+
+/// A log at rest holds bias and input rate in one number.
+fn unknown_input(axis: char, axes: usize) -> Error {
+    let what = format!("the fixed bias of axis {axis} is unknown, because its input rate is");
+    Error::input(what, format!("give the input rate: {}", input_rate_hint(axis, axes))).column("--remove-bias")
 }
 
 /// With what its windows show next to the fit: heating against cooling, ramps, and a drift that the offsets of the runs hide.

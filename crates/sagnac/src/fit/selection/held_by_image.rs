@@ -30,7 +30,7 @@ impl ImageCheck<'_> {
         let inputs = recorded_inputs(fitted, None, problem, self.windows, self.setup, self.sensor);
         let terms = terms(fitted, problem, &inputs);
         let warm_up = self.corrects_warm_up.then(|| warm_up_value(problem, fitted)).flatten();
-        let correction = AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up };
+        let correction = AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up, fixed_bias: None };
         self.holder.check(self.axis, &correction).map_err(Error::as_refusal)
     }
 }

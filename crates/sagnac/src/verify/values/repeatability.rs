@@ -17,7 +17,7 @@ use sagnac_units::format::{file_name, significant};
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::calibration::{AxisCalibration, PpmEstimate};
+use crate::calibration::{AxisCalibration, FixedBias, PpmEstimate};
 use crate::verify::values::judged_windows::Estimate;
 use crate::verify::values::rate_table::{PairedDrifts, ScaleProof};
 use crate::window::Windows;
@@ -69,7 +69,7 @@ pub struct BiasRepeatability {
     pub input_rate_dph: f64,
     /// The same of the calibration.
     pub calibration_input_rate_dph: f64,
-    /// Fixed bias of the calibration, °/h: mean over its runs.
+    /// Fixed bias of the calibration, °/h: mean over its runs, less the bias that the correction removes.
     pub calibration_dph: Estimate,
     /// The runs of the retest.
     pub runs: Vec<RunBias>,
@@ -132,7 +132,7 @@ impl BiasRepeatability {
                 file: file_name(&windows.runs[run].name()),
                 bias_dph,
                 difference_dph: Estimate { value: difference, sigma: bias_dph.sigma.hypot(calibration_dph.sigma) },
-                raw_difference_dph: before.value - input_dph - calibration_dph.value,
+                raw_difference_dph: before.value - input_dph - calibration_dph.value - removed_dph(record),
             })
         };
         let biases: Vec<Option<RunBias>> = (0..windows.runs.len()).map(run).collect();
@@ -158,7 +158,7 @@ impl TurnOns {
 }
 
 fn biases_of(record: &AxisCalibration) -> Vec<f64> {
-    record.run_offsets.iter().filter_map(|offset| offset.fixed_bias_dph).collect()
+    record.run_offsets.iter().filter_map(|offset| Some(offset.fixed_bias_dph? - removed_dph(record))).collect()
 }
 
 /// Input rate of a record, °/h: mean over its runs.
@@ -168,14 +168,15 @@ fn input_of(record: &AxisCalibration) -> Option<f64> {
     (!rates.is_empty()).then(|| rates.iter().sum::<f64>() / rates.len() as f64)
 }
 
-/// Mean over the runs of a record: the larger of what their own σ and their scatter make.
+/// Of a record after its correction, which may remove the fixed bias: then a retest is compared with zero.
 fn of_record(record: &AxisCalibration) -> Option<Estimate> {
-    let biases = biases_of(record);
-    let n = biases.len() as f64;
-    let value = biases.iter().sum::<f64>() / n;
-    let own: f64 = record.run_offsets.iter().map(|offset| offset.sigma_dph.unwrap_or(0.0).powi(2)).sum::<f64>() / n;
-    let scatter = biases.iter().map(|b| (b - value).powi(2)).sum::<f64>() / (n - 1.0).max(1.0);
-    (!biases.is_empty()).then(|| Estimate { value, sigma: (own.max(scatter) / n).sqrt() })
+    let bias = FixedBias::of(&record.run_offsets)?;
+    Some(Estimate { value: bias.value_dph - removed_dph(record), sigma: bias.sigma_dph })
+}
+
+/// The fixed bias that the correction removes, °/h.
+fn removed_dph(record: &AxisCalibration) -> f64 {
+    record.correction.fixed_bias.map_or(0.0, |bias| bias.value_dph)
 }
 
 /// Mean over windows by their lengths, with the σ that the means of stretches show.
