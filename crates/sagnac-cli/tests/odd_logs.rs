@@ -651,3 +651,30 @@ fn a_thermometer_that_is_read_once_a_minute_is_held_as_init_says() {
         assert!((value - truth).abs() < 0.01 && lower < truth && truth < upper, "{point} for {truth}");
     }
 }
+
+/// A log whose headers state quantity and unit needs no setup: the record is that of the setup that `init` writes.
+#[test]
+fn what_init_is_sure_of_is_read_at_once() {
+    let folder = TempDir::new().unwrap();
+    let at = folder.path();
+    let heads = ["Time (ms),Chip temp [°C],Gyro X (deg/s)", "t_ms,temp_c,gx_dps"];
+    for head in heads {
+        let rate = |counts: usize| counts as f64 / 36_000.0;
+        let log = format!(
+            "{head}\n{}",
+            rows(|time, celsius, counts| format!("{},{celsius:.2},{}", 1000 * time, rate(counts)))
+        );
+        fs::write(at.join("log.csv"), log).unwrap();
+        let init = sagnac(at, &["init", "log.csv", "-o", "bench.toml"]).stdout;
+        assert!(String::from_utf8_lossy(&init).contains(": 0 guesses"), "{head}");
+        let terms = |setup: &[&str]| {
+            let flags = ["calibrate", "log.csv", "--model", "bias 1", "--window", "20", "--json"];
+            let output = sagnac(at, &[&flags[..], setup].concat());
+            assert!(output.status.success(), "{head}: {}", said(&output));
+            let record: Value = serde_json::from_slice(&output.stdout).unwrap();
+            record["axes"][0]["terms"].clone()
+        };
+        assert_eq!(terms(&[]), terms(&["--setup", "bench.toml"]), "{head}");
+        fs::remove_file(at.join("bench.toml")).unwrap();
+    }
+}

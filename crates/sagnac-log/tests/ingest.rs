@@ -284,7 +284,7 @@ fn a_time_column_that_cannot_be_read_is_refused() {
         ("time_s", "2024-02-29T12:00:", "time_s", "times in the first rows"),
         ("Time [h]", "", "Time [h]", "looks like a time"),
         ("gps_epoch", "", "gps_epoch", "looks like a time"),
-        ("date", "2024-02-29T12:00:", "date", "looks like a time"),
+        ("date", "noon", "date", "looks like a time"),
         ("utc clock", "noon", "utc clock", "looks like a time"),
     ] {
         for (setup, values) in
@@ -297,6 +297,9 @@ fn a_time_column_that_cannot_be_read_is_refused() {
             assert!(!error.help.is_empty(), "{error}");
         }
     }
+    // A column whose name and first cell are of dates is a time.
+    let dates = (0..40).map(|k| format!("2024-02-29T12:00:{k:02},1,20\n")).collect::<String>();
+    assert!(read(format!("date,rate_dph,temperature_c\n{dates}"), &Setup::default()).is_ok());
     // Headers without a time, and one that the setup ignores.
     assert!(read("rate_dph,temperature_c\n1,20\n2,20\n", &Setup::default()).is_ok());
     let ignored = Setup { columns: [("gps_epoch".to_owned(), "ignore".to_owned())].into(), ..with_interval };

@@ -65,7 +65,7 @@ pub(crate) struct Args {
     /// Corrects the warm-up since power-on too, where the runs hold one: every log must begin at power-on
     #[arg(long)]
     warm_up: bool,
-    /// Removes the fixed bias at the reference temperature too; needs the input rate of each axis, 0 included
+    /// Remove the fixed bias at T0 too; needs the input rate, 0 included
     #[arg(long, conflicts_with = "prior")]
     remove_bias: bool,
     /// One JSON object on standard output, text on standard error

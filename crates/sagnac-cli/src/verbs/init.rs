@@ -3,10 +3,14 @@
 //! Columns are found by their names and units, in English, German, French and Spanish; a unit that is not stated is guessed from the
 //! values. Dates are a time, and so is a column that a schema calls one. What no log can say (size of a count, input rate, serial number) stays open: it is never guessed.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use sagnac_log::ingest::header::{Role, role_of};
+use sagnac_log::ingest::names::{
+    RATE, RATE_UNITS, TEMPERATURE, TEMPERATURE_UNITS, TIME, TIME_UNITS, axis_of, recognised, stated, thermometer_of,
+    words_of,
+};
 use sagnac_log::ingest::{Sample, SampleColumn, sample};
 use sagnac_log::setup::ThermometerSetup;
 use sagnac_log::write::write_bytes;
@@ -61,10 +65,6 @@ struct Guess {
     guessed: Vec<String>,
 }
 
-const TIME: [&str; 10] =
-    ["time", "zeit", "temps", "tiempo", "timestamp", "elapsed", "clock", "datetime", "date", "datum"];
-const TEMPERATURE: [&str; 10] =
-    ["temperature", "temp", "temperatur", "température", "temperatura", "tmp", "thermo", "thermometer", "rtd", "pt100"];
 const COUNTS: [&str; 17] = [
     "counts",
     "count",
@@ -84,34 +84,16 @@ const COUNTS: [&str; 17] = [
     "compteur",
     "contador",
 ];
-const RATE: [&str; 8] = ["rate", "gyro", "omega", "drehrate", "gyr", "angrate", "vitesse", "velocidad"];
 const FLAG: [&str; 3] = ["valid", "ok", "gueltig"];
 
-/// Units as people write them, and the ending of Sagnac's header.
-type UnitSpellings = [(&'static [&'static str], &'static str)];
-const TIME_UNITS: &UnitSpellings = &[
-    (&["s", "sec", "secs", "second", "seconds", "sek", "sekunden"], "s"),
-    (&["ms", "msec", "milliseconds"], "ms"),
-    (&["us", "µs", "μs", "usec", "microseconds"], "us"),
-    (&["ns", "nsec", "nanoseconds"], "ns"),
-];
 /// Units of a time that Sagnac does not read: rounded to a few digits, they do not give the length of a row.
 const UNREAD_TIME_UNITS: [&str; 22] = [
     "min", "mins", "minute", "minutes", "minuten", "minutos", "h", "hr", "hrs", "hour", "hours", "std", "stunde",
     "stunden", "heure", "heures", "hora", "horas", "days", "tage", "jours", "dias",
 ];
-const TEMPERATURE_UNITS: &UnitSpellings =
-    &[(&["c", "°c", "degc", "deg c", "celsius", "grad c"], "c"), (&["k", "kelvin"], "k")];
-const RATE_UNITS: &UnitSpellings = &[
-    (&["°/h", "deg/h", "deg/hr", "dph", "°/hr"], "dph"),
-    (&["°/s", "deg/s", "dps", "deg/sec", "°/sec"], "dps"),
-    (&["rad/s", "radps", "rad/sec"], "radps"),
-];
-
 /// The setup as text.
 fn setup_of(name: &str, sample: &Sample) -> String {
-    let mut used = BTreeSet::new();
-    let guesses: Vec<Option<Guess>> = sample.columns.iter().map(|column| guess(column, &mut used)).collect();
+    let guesses = guesses_of(&sample.columns);
     let mut out = format!(
         "# Made by `sagnac init` from {}. Lines with GUESS are to be checked; what no log can say is left open.\n",
         one_line(name)
@@ -244,9 +226,22 @@ fn counter(all: &[SampleColumn], guesses: &[Option<Guess>]) -> String {
     out
 }
 
-const AXES: [&str; 3] = ["x", "y", "z"];
 /// Largest time that a log can hold, s.
 const MOST_TIME_S: f64 = 4.6e9;
+
+/// What each column is: as the reader recognises it, else a guess.
+fn guesses_of(columns: &[SampleColumn]) -> Vec<Option<Guess>> {
+    let of = |text: fn(&SampleColumn) -> String| columns.iter().map(text).collect::<Vec<_>>();
+    let units = of(|column| column.unit.clone().unwrap_or_default());
+    let cells = of(|column| column.cells.first().cloned().unwrap_or_default());
+    let sure = recognised(&of(|column| column.header.clone()), &units, &cells, &BTreeMap::new());
+    let mut used: BTreeSet<String> = sure.iter().flatten().map(|role| kind_of(role)).collect();
+    let one = |(column, role): (&SampleColumn, Option<String>)| match role {
+        Some(role) => Some(Guess { role, guessed: Vec::new() }),
+        None => guess(column, &mut used),
+    };
+    columns.iter().zip(sure).map(one).collect()
+}
 
 /// What a column is; `None` where nothing says it. No role is given twice.
 fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
@@ -260,12 +255,8 @@ fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
     let (words, bracket) = words_of(header);
     let unit = column.unit.clone().or(bracket);
     let has = |names: &[&str]| words.iter().any(|word| names.contains(&word.as_str()));
-    // `gx_dps`: rates of axes by one letter, where their unit is stated; without, they may be accelerations.
     let first = words.first().map_or("", String::as_str);
-    let of_axis = first.strip_prefix(['g', 'w']).filter(|axis| AXES.contains(axis));
-    let of_axis = of_axis.filter(|_| stated(unit.as_deref(), &words, RATE_UNITS).is_some());
-    let axis = of_axis.or_else(|| words.iter().map(String::as_str).find(|word| AXES.contains(word)));
-    let axis = axis.map_or(String::new(), |axis| format!("_{axis}"));
+    let (is_by_letter, axis) = axis_of(unit.as_deref(), &words);
     // A `t` that only rises is the time, alone or with a unit of time; any other, and one with a place behind it, is a temperature.
     let is_t = first == "t";
     let of_time = || words.len() == 1 || stated(unit.as_deref(), &words, TIME_UNITS).is_some();
@@ -276,7 +267,7 @@ fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
         Some(temperature(column, unit.as_deref(), &words))
     } else if has(&COUNTS) {
         Some(Guess { role: format!("counts{axis}"), guessed: vec!["by its name".to_owned()] })
-    } else if (has(&RATE) || of_axis.is_some()) && !column.numbers().is_empty() {
+    } else if (has(&RATE) || is_by_letter) && !column.numbers().is_empty() {
         rate(column, unit.as_deref(), &words, &axis)
     } else if has(&FLAG) {
         Some(Guess { role: "valid".to_owned(), guessed: vec!["by its name".to_owned()] })
@@ -309,28 +300,6 @@ fn behind_blank(header: &str) -> Option<&str> {
 /// What a log has once: a role, or the time as a number in whatever unit. Dates may stand next to such a time.
 fn kind_of(role: &str) -> String {
     if role.starts_with("time_") { "time_".to_owned() } else { role.to_owned() }
-}
-
-/// The words of a header in small letters, and the unit in its brackets.
-fn words_of(header: &str) -> (Vec<String>, Option<String>) {
-    let (name, rest) = header.split_once(['(', '[']).unwrap_or((header, ""));
-    let unit = rest.trim_end_matches([')', ']']).trim();
-    let lower = name.to_lowercase();
-    let words = lower.split(|c: char| !c.is_alphanumeric() && c != '°').filter(|word| !word.is_empty());
-    (words.map(str::to_owned).collect(), (!unit.is_empty()).then(|| unit.to_owned()))
-}
-
-/// The unit as it is stated in brackets, a line of units or a word of the name, by a table of what people write.
-fn stated(unit: Option<&str>, words: &[String], known: &UnitSpellings) -> Option<&'static str> {
-    let find = |text: &str| {
-        let text = text.trim_matches(['[', ']', '(', ')', ' ']).to_lowercase();
-        known.iter().find(|(names, _)| names.contains(&text.as_str())).map(|(_, ending)| *ending)
-    };
-    // A stated unit that is not known is not overruled by a word of the name.
-    match unit {
-        Some(unit) => find(unit),
-        None => words.iter().skip(1).find_map(|word| find(word)),
-    }
 }
 
 fn time(column: &SampleColumn, unit: Option<&str>, words: &[String]) -> Option<Guess> {
@@ -370,13 +339,7 @@ fn temperature(column: &SampleColumn, unit: Option<&str>, words: &[String]) -> G
     let middle = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);
     let guessed = if middle > 200.0 { "k" } else { "c" };
     let ending = known.unwrap_or(guessed);
-    let is_plain = |word: &&String| {
-        word.as_str() != "t"
-            && !TEMPERATURE.contains(&word.as_str())
-            && !TEMPERATURE_UNITS.iter().any(|(names, _)| names.contains(&word.as_str()))
-    };
-    let name: Vec<&str> = words.iter().filter(is_plain).map(String::as_str).collect();
-    let name = if name.is_empty() { String::new() } else { format!("_{}", name.join("_")) };
+    let name = thermometer_of(words);
     let why = if known.is_none() { vec![format!("the unit, from values near {middle}")] } else { Vec::new() };
     Guess { role: format!("temperature_{ending}{name}"), guessed: why }
 }

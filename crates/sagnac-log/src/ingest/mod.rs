@@ -43,6 +43,7 @@ pub use crate::ingest::columns::header::{
     self, COMPENSATED_STAMP, Content, TableColumn, already_compensated, table_of_windows,
 };
 pub use crate::ingest::columns::log_shape::{AngleUnit, LogShape, same_shape};
+pub use crate::ingest::columns::names;
 pub use crate::ingest::columns::number::{parse_time_ns, parse_value};
 pub use crate::ingest::log_reader::{LogReader, LogSummary};
 pub use crate::ingest::logs::Logs;

@@ -19,6 +19,7 @@ use crate::ingest::arrow::columnar::Columnar;
 use crate::ingest::bytes::source::{HashHandle, Source};
 use crate::ingest::columns::feed::{Open, Opened, Purpose, ReadMode};
 use crate::ingest::columns::header::Layout;
+use crate::ingest::columns::names;
 use crate::setup::Setup;
 
 pub(crate) const OPEN: Option<Open> = Some(open);
@@ -41,6 +42,8 @@ pub(crate) fn open_table(table: MemoryTable, hash: HashHandle, setup: &Setup, mo
 }
 
 fn opened(columnar: Columnar, setup: &Setup, mode: ReadMode) -> Result<Opened> {
-    let layout = Layout::new(columnar.headers.clone(), &setup.columns, setup.axis)?;
-    Ok(Opened::new(Box::new(columnar.feed(&layout, mode)?), layout))
+    let (columns, said) = names::mapped(&columnar.headers, &[], &[], &setup.columns);
+    let assumed = if said.is_empty() { Vec::new() } else { vec![format!("read as: {}", said.join(", "))] };
+    let layout = Layout::new(columnar.headers.clone(), &columns, setup.axis)?;
+    Ok(Opened { assumed, ..Opened::new(Box::new(columnar.feed(&layout, mode)?), layout) })
 }

@@ -4,5 +4,6 @@ pub(crate) mod feed;
 pub mod header;
 pub(crate) mod iso;
 pub(crate) mod log_shape;
+pub mod names;
 pub(crate) mod number;
 pub(crate) mod raw;

@@ -11,13 +11,17 @@
 //! Bytes that are not UTF-8 are read as Windows-1252, which every byte of is a character; UTF-16 is decoded before ([`crate::ingest::bytes::source`]).
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::io::{BufRead, Cursor, Read};
 
 use crate::error::{Error, Result};
 use crate::ingest::bytes::foreign;
 use crate::ingest::bytes::source::Source;
 use crate::ingest::columns::feed::MAX_LINE_BYTES;
-use crate::ingest::columns::header::{self, COMPENSATED_STAMP, Role, role_of};
+use crate::ingest::columns::header::{self, COMPENSATED_STAMP, Layout, Role, role_of};
+use crate::ingest::columns::names::{
+    self, COUNT_UNITS, RATE_UNITS, TEMPERATURE_UNITS, TIME_UNITS, UnitSpellings, bare, is_rate,
+};
 use crate::ingest::columns::number::is_missing;
 use crate::ingest::text::lines::line_without_end;
 use crate::setup::Setup;
@@ -26,22 +30,15 @@ use crate::setup::Setup;
 const MAX_LINES_ABOVE: u64 = 100_000;
 /// Most other lines above the headers.
 const MAX_PREAMBLE: usize = 100;
-/// Units of a header or of a line of units, as people write them, and the ending of Sagnac's headers.
-const UNITS: [(&str, &[&str], &str); 9] = [
-    ("time", &["s", "sec", "secs", "second", "seconds"], "s"),
-    ("time", &["ms", "msec", "millisecond", "milliseconds"], "ms"),
-    ("time", &["us", "µs", "μs", "microseconds"], "us"),
-    ("temperature", &["c", "°c", "degc", "deg c", "deg. c", "celsius"], "c"),
-    ("temperature", &["k", "kelvin"], "k"),
-    ("rate", &["°/h", "deg/h", "deg/hr", "dph", "°/hr"], "dph"),
-    ("rate", &["°/s", "deg/s", "dps", "deg/sec", "°/sec"], "dps"),
-    ("rate", &["rad/s", "rad/sec"], "radps"),
-    ("counts", &["counts", "count", "cts", "pulses", "pulse", "1", "-", ""], ""),
-];
+/// Quantities that a header begins with, and their units.
+const UNITS: [(&str, &UnitSpellings); 4] =
+    [("time", TIME_UNITS), ("temperature", TEMPERATURE_UNITS), ("rate", RATE_UNITS), ("counts", COUNT_UNITS)];
 
 /// The line of headers and where the rows begin.
 pub(crate) struct TextHeader {
     pub(crate) headers: Vec<String>,
+    /// The setup's map, with the headers that were recognised.
+    pub(crate) columns: BTreeMap<String, String>,
     pub(crate) delimiter: u8,
     /// Lines above the first row.
     pub(crate) lines: u64,
@@ -73,7 +70,11 @@ pub(crate) fn read_header(source: &mut Source, setup: &Setup) -> Result<TextHead
         .line(line.number));
     }
     let units = head.line_of_units(names.len(), delimiter)?;
-    let (headers, read_as) = with_units(names, units.as_deref(), setup).map_err(|e| e.line(line.number + 1))?;
+    let row = head.lines_below(delimiter)?.into_iter().next().unwrap_or_default();
+    let of_columns = units.as_deref().unwrap_or_default();
+    let (headers, mut read_as) = with_units(names, of_columns, setup).map_err(|e| e.line(line.number + 1))?;
+    let (columns, recognised) = names::mapped(&headers, of_columns, &row, &setup.columns);
+    read_as.extend(recognised);
     let (is_latin, separator, lines) = (head.is_latin, head.separator, head.lines);
     let mut assumed = std::mem::take(&mut source.assumed);
     let mut say = |holds: bool, what: String| assumed.extend(holds.then_some(what));
@@ -83,7 +84,7 @@ pub(crate) fn read_header(source: &mut Source, setup: &Setup) -> Result<TextHead
     say(above > 1, format!("{above} lines above the headers are not read"));
     say(units.is_some(), "the line below the headers is one of units".to_owned());
     say(!read_as.is_empty(), format!("read as: {}", read_as.join(", ")));
-    Ok(TextHeader { headers, delimiter, lines, line: line.number, assumed })
+    Ok(TextHeader { headers, columns, delimiter, lines, line: line.number, assumed })
 }
 
 /// A text log has no zero byte, and no other control characters where it is not UTF-8.
@@ -286,7 +287,7 @@ fn names_an_axis(text: &str, delimiter: u8, setup: &Setup) -> bool {
         // A wrong unit is a mistake in a line of headers, and is reported as one.
         let word = known.to_ascii_lowercase();
         let axis = matches!(role_of(&known), Ok(Role::Counts { .. } | Role::Rate { .. }));
-        axis || word == "rate" || word.starts_with("rate_") || role_of(&known).is_err()
+        axis || is_rate(name) || word == "rate" || word.starts_with("rate_") || role_of(&known).is_err()
     })
 }
 
@@ -298,14 +299,16 @@ pub(crate) fn text_of(line: &[u8]) -> Cow<'_, str> {
     }
 }
 
-/// The headers of a line and what separates them; `None` for a line that names no counts and no rates.
-pub(crate) fn headers_of(line: &str, setup: &Setup) -> Result<Option<(Vec<String>, u8)>> {
+/// The columns of a line of headers with more behind it, and what separates them; `None` for a line that names no counts and no rates.
+pub(crate) fn layout_of(line: &str, more: &[String], setup: &Setup) -> Result<Option<(Layout, u8)>> {
     let delimiter = delimiter_of(line);
     if !names_an_axis(line, delimiter, setup) {
         return Ok(None);
     }
-    let (headers, _) = with_units(split(line, delimiter)?, None, setup)?;
-    Ok(Some((headers, delimiter)))
+    let (mut headers, _) = with_units(split(line, delimiter)?, &[], setup)?;
+    headers.extend(more.iter().cloned());
+    let (columns, _) = names::mapped(&headers, &[], &[], &setup.columns);
+    Ok(Some((Layout::new(headers, &columns, setup.axis)?, delimiter)))
 }
 
 fn no_row_below(header: u64) -> Error {
@@ -362,31 +365,27 @@ fn quantity_of(lower: &str) -> (&str, &str) {
     lower.split_once(['_', ' ', '-']).unwrap_or((lower, ""))
 }
 
-/// A unit as it is compared: without brackets, in small letters.
-fn bare(unit: &str) -> String {
-    unit.to_lowercase().trim_matches(['[', ']', '(', ')']).trim().to_owned()
-}
-
 /// The ending of Sagnac's header for a quantity in a unit.
 fn ending_of(quantity: &str, unit: &str) -> Option<&'static str> {
-    let unit = bare(unit);
-    UNITS
-        .iter()
-        .find(|(kind, units, _)| *kind == quantity && units.contains(&unit.as_str()))
-        .map(|(.., ending)| *ending)
+    UNITS.iter().find(|(kind, _)| *kind == quantity).and_then(|(_, units)| names::ending_of(unit, units))
 }
 
 /// True for the name of a unit of any quantity.
 pub(crate) fn is_unit(cell: &str) -> bool {
     let unit = bare(cell);
-    !unit.is_empty() && !is_missing(unit.as_bytes()) && UNITS.iter().any(|(_, units, _)| units.contains(&unit.as_str()))
+    !unit.is_empty()
+        && !is_missing(unit.as_bytes())
+        && UNITS.iter().any(|(_, units)| names::ending_of(&unit, units).is_some())
 }
 
 /// The refusal of a unit that contradicts its header, or that no header can state.
 fn refuse_other_unit(name: &str, unit: &str) -> Result<()> {
     let lower = name.to_lowercase();
     let (quantity, rest) = quantity_of(&lower);
-    let endings = || UNITS.iter().filter(|(kind, ..)| *kind == quantity).map(|(.., ending)| *ending);
+    let endings = || {
+        let of_quantity = UNITS.iter().filter(|(kind, _)| *kind == quantity);
+        of_quantity.flat_map(|(_, units)| units.iter()).map(|(_, ending)| *ending)
+    };
     if bare(unit).is_empty() || is_missing(bare(unit).as_bytes()) || endings().next().is_none() {
         return Ok(());
     }
@@ -407,14 +406,14 @@ fn refuse_other_unit(name: &str, unit: &str) -> Result<()> {
     }
 }
 
-/// Headers with the units of their brackets, or of the line below; and what was renamed. What the setup maps, and what is known already, stays.
-fn with_units(names: Vec<String>, units: Option<&[String]>, setup: &Setup) -> Result<(Vec<String>, Vec<String>)> {
+/// Headers with the units of their brackets, or of the line below; and the renamed ones. Those that the setup maps, and known ones, stay.
+fn with_units(names: Vec<String>, units: &[String], setup: &Setup) -> Result<(Vec<String>, Vec<String>)> {
     let mut said = Vec::new();
     let one = |(at, name): (usize, String)| {
         if setup.columns.contains_key(&name) {
             return Ok(name);
         }
-        let below = units.and_then(|units| units.get(at));
+        let below = units.get(at);
         below.map_or(Ok(()), |unit| refuse_other_unit(&name, unit))?;
         let below = below.and_then(|unit| named(&name, unit));
         let known = matches!(role_of(&name), Ok(role) if role != Role::Ignored);

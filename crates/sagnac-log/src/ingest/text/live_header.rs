@@ -5,7 +5,7 @@
 
 use crate::error::Result;
 use crate::ingest::columns::header::Layout;
-use crate::ingest::text::head::{headers_of, text_of};
+use crate::ingest::text::head::{layout_of, text_of};
 use crate::setup::Setup;
 
 /// The columns of a live source.
@@ -26,9 +26,8 @@ impl LiveHeader {
     pub fn of_line(line: &[u8], more: &[String], setup: &Setup) -> Result<Option<Self>> {
         let text = text_of(line);
         let line = text.trim_start_matches('\u{feff}').trim();
-        let Some((mut headers, delimiter)) = headers_of(line, setup)? else { return Ok(None) };
-        headers.extend(more.iter().cloned());
-        Ok(Some(Self { layout: Layout::new(headers, &setup.columns, setup.axis)?, delimiter }))
+        let layout = layout_of(line, more, setup)?;
+        Ok(layout.map(|(layout, delimiter)| Self { layout, delimiter }))
     }
 
     /// Decimal commas are understood where no comma separates fields.

@@ -18,8 +18,8 @@ pub(crate) const OPEN: Option<Open> = Some(open);
 
 /// Headers must be known ones, whatever the purpose: a preview searches for others itself.
 fn open(mut source: Source, setup: &Setup, purpose: Purpose) -> Result<Opened> {
-    let TextHeader { headers, delimiter, lines, line, assumed } = head::read_header(&mut source, setup)?;
-    let layout = Layout::new(headers, &setup.columns, setup.axis).map_err(|e| e.line(line))?;
+    let TextHeader { headers, columns, delimiter, lines, line, assumed } = head::read_header(&mut source, setup)?;
+    let layout = Layout::new(headers, &columns, setup.axis).map_err(|e| e.line(line))?;
     let feed = Box::new(TextFeed::new(source.reader, &layout, delimiter, purpose.mode()));
     Ok(Opened { delimiter, lines_before: lines, assumed, ..Opened::new(feed, layout) })
 }
