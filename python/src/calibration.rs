@@ -272,7 +272,8 @@ impl Calibration {
 
     /// Level and text of each note about an axis.
     fn notes(&self, axis: &str) -> PyResult<Vec<(&'static str, String)>> {
-        Ok(self.axis(axis)?.notes().into_iter().map(|note| (note.level.name(), note.text)).collect())
+        let units = self.record.setup.units.unwrap_or_default();
+        Ok(self.axis(axis)?.notes(units).into_iter().map(|note| (note.level.name(), note.text)).collect())
     }
 
     /// Models that were tried for an axis.

@@ -35,6 +35,18 @@ def test_attributes_are_the_records(unit: sagnac.Calibration) -> None:
     assert "<svg" in html and MODEL in html
 
 
+def test_rates_are_read_in_other_units(unit: sagnac.Calibration) -> None:
+    axis = unit.axis()
+    assert axis.residual_dps == pytest.approx(axis.residual_dph / 3600.0)
+    assert axis.residual_mdps == pytest.approx(1000.0 * axis.residual_dps)
+    assert axis.residual_radps == pytest.approx(numpy.radians(axis.residual_dps))
+    points = unit.evaluate([-40.0, 70.0])
+    assert points.drift_dps == pytest.approx(points.drift_dph / 3600.0)
+    for missing in ("residual_kmh", "nothing_dps", "model_dps"):
+        with pytest.raises(AttributeError, match=missing):
+            getattr(axis, missing)
+
+
 def test_the_fixed_bias_goes_on_request(unit: sagnac.Calibration) -> None:
     runs = [CHAMBER / "cycle-1.csv.gz", CHAMBER / "cycle-2.csv.gz"]
     again = sagnac.calibrate(runs, BENCH, model=MODEL, remove_bias=True)

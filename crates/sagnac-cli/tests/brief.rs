@@ -96,6 +96,38 @@ fn a_unit_has_one_verdict_in_fifteen_lines() {
     assert!(changed.starts_with("IMU-0042: "), "{changed}");
 }
 
+/// The short form in another unit: it stays short, its numbers are those of °/h by the factor, and the record is the same.
+#[test]
+fn rates_are_shown_in_the_unit_that_is_asked() {
+    let it = Unit::new();
+    let calibrate = "calibrate run1.csv run2.csv --serial IMU-0042 --window 50 -o unit.cal.json";
+    let unseen = |said: &str, unit: &str| -> f64 {
+        let line = said.lines().find(|line| line.starts_with("x ")).unwrap();
+        line.split(unit).nth(1).unwrap().trim().parse().unwrap()
+    };
+    let dph = unseen(&it.short(calibrate), "°/h");
+    let record = fs::read(it.0.path().join("unit.cal.json")).unwrap();
+    for (unit, name, dph_per_unit) in [("dps", "°/s", 3600.0), ("mdps", "m°/s", 3.6), ("rad/s", "rad/s", 206_264.806)]
+    {
+        let said = it.short(&format!("{calibrate} --units {unit}"));
+        // Both are rounded to three digits.
+        assert!((unseen(&said, name) * dph_per_unit / dph - 1.0).abs() < 0.011 && !said.contains("°/h"), "{said}");
+        assert_eq!(fs::read(it.0.path().join("unit.cal.json")).unwrap(), record, "{unit}");
+        let judged =
+            it.short(&format!("verify unit.cal.json run3.csv --window 50 --limits navigation-grade --units {unit}"));
+        assert!(judged.contains(name) && !judged.contains("°/h"), "{judged}");
+        assert!(it.short(&format!("allan run1.csv --units {unit}")).contains(name), "{unit}");
+        let verbose = it.run(&format!("-v {calibrate} --units {unit}"));
+        assert!(!String::from_utf8_lossy(&verbose.stdout).contains("°/h"), "{verbose:?}");
+    }
+    fs::write(it.0.path().join("bench.toml"), "units = \"dps\"\n").unwrap();
+    let by_setup = it.short(&format!("{calibrate} --setup bench.toml"));
+    assert!(by_setup.contains("°/s") && !by_setup.contains("°/h"), "{by_setup}");
+    // The record has the setup, and with it the unit of what is made of it.
+    assert!(it.short("evaluate unit.cal.json --at 0,20").contains("drift, °/s"));
+    assert_eq!(it.run(&format!("{calibrate} --units furlong")).status.code(), Some(2));
+}
+
 #[test]
 fn quiet_prints_errors_alone_and_verbose_everything() {
     let it = Unit::new();

@@ -1,6 +1,7 @@
 //! The parts of an acceptance report: unit, rig, limits, verdict, room to sign.
 
 use maud::{Markup, html};
+use sagnac_log::setup::RateUnit;
 
 use crate::figure::{Figure, Layer, Role, SOLID, rounded};
 use crate::figures::figure;
@@ -326,7 +327,7 @@ pub(crate) fn flight_figure(axis: &AxisVerification) -> Option<Figure> {
 fn suspects(axis: &AxisVerification) -> Markup {
     let judged = if axis.excluded_fraction.is_some() { "excluded where asked" } else { "judged with the rest" };
     html! {
-        @for suspect in &axis.suspects { p.note { "Suspected " (suspect.words()) "; " (judged) "." } }
+        @for suspect in &axis.suspects { p.note { "Suspected " (suspect.words(RateUnit::DegPerHour)) "; " (judged) "." } }
     }
 }
 
@@ -338,7 +339,7 @@ pub(crate) fn bias_repeatability(axis: &AxisVerification) -> Markup {
             h3 { "Fixed bias against the calibration, °/h" }
             div.scroll { table {
                 thead { tr { th.words { "" } th { "fixed bias" } th { "less the calibration's" } } }
-                tr { td { "calibration; " (repeatability.input_text()) } td { (text(repeatability.calibration_dph)) } td { "-" } }
+                tr { td { "calibration; " (repeatability.input_text(RateUnit::DegPerHour)) } td { (text(repeatability.calibration_dph)) } td { "-" } }
                 @for run in &repeatability.runs {
                     tr { td { (file_name(&run.file)) } td { (text(run.bias_dph)) } td { (text(run.difference_dph)) } }
                 }

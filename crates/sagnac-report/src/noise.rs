@@ -139,7 +139,7 @@ pub fn row_notes(axis: &AxisBudget) -> Vec<String> {
         let (name, unit) = term.name();
         let letter = name.rsplit(' ').next().unwrap_or_default();
         matches!(value, TermValue::Found { .. }).then(|| {
-            let [value, interval] = term_text(value);
+            let [value, interval] = term_text(value, 1.0);
             format!("{letter} {value} ({interval}) {unit}")
         })
     });
@@ -155,12 +155,13 @@ pub fn row_notes(axis: &AxisBudget) -> Vec<String> {
 }
 
 /// A value with its interval, as people read it.
-pub fn term_text(value: &TermValue) -> [String; 2] {
+pub fn term_text(value: &TermValue, factor: f64) -> [String; 2] {
     match value {
         TermValue::Found { value, lower: Some(lower), upper: Some(upper) } => {
-            [significant(*value, 3), format!("{} … {}", significant(*lower, 3), significant(*upper, 3))]
+            let [value, lower, upper] = [value, lower, upper].map(|number| significant(factor * number, 3));
+            [value, format!("{lower} … {upper}")]
         }
-        TermValue::Found { value, .. } => [significant(*value, 3), "not known: a bare curve".to_owned()],
+        TermValue::Found { value, .. } => [significant(factor * value, 3), "not known: a bare curve".to_owned()],
         TermValue::Unresolved { .. } => ["-".to_owned(), "not resolvable".to_owned()],
     }
 }
@@ -168,7 +169,7 @@ pub fn term_text(value: &TermValue) -> [String; 2] {
 fn terms_table(axis: &AxisBudget) -> PageTable {
     let rows = AllanTerm::ALL.iter().map(|term| {
         let (name, unit) = term.name();
-        let [value, interval] = term_text(axis.terms.get(*term));
+        let [value, interval] = term_text(axis.terms.get(*term), 1.0);
         let why = match axis.terms.get(*term) {
             TermValue::Unresolved { unresolved } => unresolved.clone(),
             TermValue::Found { .. } => String::new(),

@@ -1,6 +1,7 @@
 //! The page: verdict first, then figures, tables, provenance.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
+use sagnac_log::setup::RateUnit;
 
 use crate::figure::{Dash, Figure};
 use crate::figures::Wording;
@@ -308,7 +309,7 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
                 (tile("span", &format!("{:.1} … {:.1}", axis.span_c()[0], axis.span_c()[1]), "°C"))
                 (tile("windows used", &format!("{used} of {all}"), ""))
             }
-            @for note in axis.notes().iter().filter(|note| note.about != NoteAbout::ScaleFactor) { (said(note)) }
+            @for note in axis.notes(RateUnit::DegPerHour).iter().filter(|note| note.about != NoteAbout::ScaleFactor) { (said(note)) }
             @for prior in axis.fit.iter().flat_map(|fit| &fit.prior) { p.note { "SHA-256 of the prior: " (prior.sha256) "." } }
         }
     }
@@ -452,7 +453,7 @@ fn plateaus(axis: &AxisCalibration) -> Markup {
                 }
             } }
         }
-        @for note in axis.notes().iter().filter(|note| note.about == NoteAbout::ScaleFactor) { (said(note)) }
+        @for note in axis.notes(RateUnit::DegPerHour).iter().filter(|note| note.about == NoteAbout::ScaleFactor) { (said(note)) }
         @for m in axis.fit.iter().flat_map(|fit| &fit.misalignment) {
             p.note { "The input axis is misaligned towards " (m.towards) " by " (with_sigma(m.arcsec, Some(m.sigma_arcsec))) " arcsec." }
         }
@@ -461,7 +462,7 @@ fn plateaus(axis: &AxisCalibration) -> Markup {
 
 /// Figures of the residual of the correction.
 fn left(axis: &AxisVerification) -> Markup {
-    let rows = axis.residual_diagnostics.rows();
+    let rows = axis.residual_diagnostics.rows(RateUnit::DegPerHour);
     html! {
         @if !rows.is_empty() {
             h3 { "Residual" }

@@ -1,6 +1,7 @@
 //! Tables of the page: coefficients, their conditioning, and how the model was found.
 
 use maud::{Markup, html};
+use sagnac_log::setup::RateUnit;
 
 use sagnac::calibration::{AxisCalibration, Candidate, Monomial, Prediction, SearchStep};
 use sagnac_units::format::{celsius, on_scale, significant, unit, with_sigma};
@@ -153,7 +154,7 @@ fn inputs_and_conditioning(axis: &AxisCalibration) -> Markup {
 
 /// The search from the grid's model to the one selected.
 pub(crate) fn model_search(steps: &[SearchStep]) -> Markup {
-    let rows = SearchStep::rows(steps);
+    let rows = SearchStep::rows(steps, RateUnit::DegPerHour);
     html! {
         @if steps.len() > 1 {
             h3 { "Model search" }

@@ -1,5 +1,6 @@
 //! A fit in sentences, to read before use. Terminal, page and Python show one list.
 
+use sagnac_log::setup::RateUnit;
 use sagnac_units::format::significant;
 
 use crate::calibration::{AxisCalibration, FitDiagnostics};
@@ -69,20 +70,20 @@ const UNEXPLAINED: f64 = 3.0;
 const BELOW_FLOOR: f64 = 0.9;
 
 impl AxisCalibration {
-    /// Sentences about this axis, in the order of its description.
-    pub fn notes(&self) -> Vec<Note> {
+    /// Sentences about this axis with rates in a unit, in the order of its description.
+    pub fn notes(&self, units: RateUnit) -> Vec<Note> {
         let fit = self.fit.as_ref();
-        let prior = fit.and_then(|fit| fit.prior.as_ref()).map(|prior| prior.words());
-        let asymmetry = self.scale_factor().and_then(|scale| scale.asymmetry_note());
+        let prior = fit.and_then(|fit| fit.prior.as_ref()).map(|prior| prior.words(units));
+        let asymmetry = self.scale_factor().and_then(|scale| scale.asymmetry_note(units));
         let warm_up = fit.and(self.correction.warm_up.as_ref());
         let mut notes = Vec::new();
         notes.extend(prior.map(|words| Note::of(NoteLevel::Fact, NoteAbout::Prior, words)));
         notes.extend(asymmetry.map(|note| Note::of(NoteLevel::Note, NoteAbout::ScaleFactor, note)));
-        fit.into_iter().for_each(|fit| of_noise(fit, &mut notes));
+        fit.into_iter().for_each(|fit| of_noise(fit, units, &mut notes));
         notes.extend(warm_up.map(|warm_up| {
-            Note::of(NoteLevel::Fact, NoteAbout::Fit, format!("warm-up, corrected: {}", warm_up.words()))
+            Note::of(NoteLevel::Fact, NoteAbout::Fit, format!("warm-up, corrected: {}", warm_up.words(units)))
         }));
-        fit.into_iter().for_each(|fit| of_time_and_search(fit, &mut notes));
+        fit.into_iter().for_each(|fit| of_time_and_search(fit, units, &mut notes));
         notes.extend(self.below_floor_note().map(|note| Note::of(NoteLevel::Note, NoteAbout::Search, note)));
         notes
     }
@@ -108,31 +109,31 @@ impl AxisCalibration {
 }
 
 /// A residual, a curve or runs that noise does not explain.
-fn of_noise(fit: &FitDiagnostics, notes: &mut Vec<Note>) {
-    notes.extend(unexplained(fit));
-    notes.extend(fit.lack_of_fit.iter().map(|lack| Note::of(NoteLevel::Warning, NoteAbout::Curve, lack.note())));
+fn of_noise(fit: &FitDiagnostics, units: RateUnit, notes: &mut Vec<Note>) {
+    notes.extend(unexplained(fit, units));
+    notes.extend(fit.lack_of_fit.iter().map(|lack| Note::of(NoteLevel::Warning, NoteAbout::Curve, lack.note(units))));
     if fit.noise_exceeds_setup {
         let text = "the log contains more noise than [noise] in the setup, so intervals use the log";
         notes.push(Note::of(NoteLevel::Warning, NoteAbout::Fit, text));
     }
     notes.extend(fit.hidden_in_offsets_dph.map(|hidden| {
         let text = format!(
-            "each run covers few temperatures: run offsets differ by {} °/h (σ), possibly by drift. To join the files: --one-run",
-            significant(hidden, 2)
+            "each run covers few temperatures: run offsets differ by {} (σ), possibly by drift. To join the files: --one-run",
+            units.text(hidden, 2)
         );
         Note::of(NoteLevel::Warning, NoteAbout::Fit, text)
     }));
 }
 
 /// A residual beyond the gyro's own noise; where that is not known, one well beyond white noise.
-fn unexplained(fit: &FitDiagnostics) -> Option<Note> {
+fn unexplained(fit: &FitDiagnostics, units: RateUnit) -> Option<Note> {
     let sigma_dph = fit.residual.sigma_dph;
     if let Some(whole) = &fit.whole_noise {
         let times = sigma_dph / whole.sigma_dph;
         let text = format!(
-            "the residual is {} times the gyro's own noise, {} °/h by the {}: this model does not explain the log (a step, a disturbance, a missing input)",
+            "the residual is {} times the gyro's own noise, {} by the {}: this model does not explain the log (a step, a disturbance, a missing input)",
             significant(times, 2),
-            significant(whole.sigma_dph, 2),
+            units.text(whole.sigma_dph, 2),
             whole.source
         );
         let is_beyond = sigma_dph > whole.bound_dph && times > WORTH_NAMING;
@@ -147,14 +148,14 @@ fn unexplained(fit: &FitDiagnostics) -> Option<Note> {
 }
 
 /// Effects of time, inputs that moved together, and what the search rejected.
-fn of_time_and_search(fit: &FitDiagnostics, notes: &mut Vec<Note>) {
+fn of_time_and_search(fit: &FitDiagnostics, units: RateUnit, notes: &mut Vec<Note>) {
     notes.extend(fit.time_effects.iter().map(|effect| {
-        let words = effect.words();
+        let words = effect.words(units);
         let text = format!("{words} (fitted with the terms, not corrected, and not part of residual and held-out σ)");
         Note::of(NoteLevel::Fact, NoteAbout::Fit, text)
     }));
     notes.extend(
-        fit.entanglement.iter().map(|entanglement| Note::of(NoteLevel::Fact, NoteAbout::Fit, entanglement.note())),
+        fit.entanglement.iter().map(|entanglement| Note::of(NoteLevel::Fact, NoteAbout::Fit, entanglement.note(units))),
     );
     notes.extend(fit.rejected_inputs.iter().map(|rejected| {
         let text = format!("input rejected: {}, {}", rejected.input, rejected.reason);

@@ -5,6 +5,7 @@ from __future__ import annotations
 import html
 import io
 import json
+import math
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -71,8 +72,23 @@ class Table(Mapping[str, Any]):
         return f"Table of {self.rows} rows: {', '.join(self.column_names)}"
 
 
+#: °/h in one of each unit of rates, by the ending of an attribute.
+DPH_PER_UNIT = {"dps": 3600.0, "mdps": 3.6, "radps": math.degrees(1.0) * 3600.0}
+
+
+class Rates:
+    """Rates of a result in other units: ``residual_dps`` is ``residual_dph`` in °/s, ``_mdps`` in m°/s, ``_radps`` in rad/s."""
+
+    def __getattr__(self, name: str) -> Any:
+        stem, _, unit = name.rpartition("_")
+        if unit not in DPH_PER_UNIT or f"{stem}_dph" not in vars(self):
+            raise AttributeError(f"{type(self).__name__} has no attribute {name!r}", name=name, obj=self)
+        value = vars(self)[f"{stem}_dph"]
+        return None if value is None else value / DPH_PER_UNIT[unit]
+
+
 @dataclass(frozen=True, eq=False)
-class Evaluation:
+class Evaluation(Rates):
     """The correction at some temperatures.
 
     Attributes:
@@ -107,7 +123,7 @@ class Term:
 
 
 @dataclass(frozen=True)
-class Axis:
+class Axis(Rates):
     """The calibration of an axis.
 
     Attributes:
@@ -441,7 +457,7 @@ class Limit:
 
 
 @dataclass(frozen=True)
-class VerifiedAxis:
+class VerifiedAxis(Rates):
     """The retest of an axis.
 
     Attributes:
@@ -536,7 +552,7 @@ _TERMS = {
 
 
 @dataclass(frozen=True, eq=False)
-class NoiseAxis:
+class NoiseAxis(Rates):
     """The noise of an axis.
 
     Attributes:

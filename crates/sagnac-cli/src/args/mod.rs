@@ -3,3 +3,4 @@
 pub(crate) mod report;
 pub(crate) mod setup;
 pub(crate) mod signature;
+pub(crate) mod units;

@@ -9,6 +9,7 @@ use sagnac::calibration::{AxisCalibration, Calibration, RunOffset, UNASSIGNED};
 use sagnac::diagnostics::{AxisReportData, ReportData};
 use sagnac::model::ModelSpec;
 use sagnac::notes::NoteLevel;
+use sagnac_log::setup::RateUnit;
 use sagnac_units::format::{counted, significant};
 
 use crate::output::brief::{Brief, Remark};
@@ -23,8 +24,9 @@ pub(crate) fn calibration_brief(
     report_data: &ReportData,
     wrote: &[String],
     output: Option<&str>,
+    units: RateUnit,
 ) -> Brief {
-    let rows = calibration.axes.iter().zip(&report_data.axes).map(|(axis, drawn)| row(axis, drawn));
+    let rows = calibration.axes.iter().zip(&report_data.axes).map(|(axis, drawn)| row(axis, drawn, units));
     let titles: [[&str; 6]; 2] = [
         ["", "bias drift, 1σ", "", "", "95 % error", ""],
         ["axis", "as logged", "on unseen data", "reduction", "of curve", "model"],
@@ -44,7 +46,7 @@ pub(crate) fn calibration_brief(
         tone: Tone::Plain,
         verdict: verdict(calibration, report_data),
         body: lines_of(&rows),
-        remarks: remarks(calibration),
+        remarks: remarks(calibration, units),
         last: wrote.into_iter().chain([next]).collect(),
     }
 }
@@ -65,18 +67,18 @@ fn verdict(calibration: &Calibration, report_data: &ReportData) -> String {
     format!("calibrated over {lo:.0} … {hi:.0} °C ({runs}{length}, {used})")
 }
 
-fn row(axis: &AxisCalibration, drawn: &AxisReportData) -> Vec<String> {
+fn row(axis: &AxisCalibration, drawn: &AxisReportData, units: RateUnit) -> Vec<String> {
     let logged_dph = logged_dph(drawn);
     let unseen_dph = axis.cross_validation().map(|held_out| held_out.sigma_dph);
-    let dph = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{} °/h", significant(value, 3)));
+    let shown = |value: Option<f64>| value.map_or("-".to_owned(), |dph| units.text(dph, 3));
     let reduction = logged_dph.zip(unseen_dph).filter(|(_, after)| *after > 0.0).map(|(before, after)| before / after);
     let model = axis.correction.model.parse::<ModelSpec>().map_or(axis.correction.model.clone(), |spec| spec.words());
     vec![
         axis.axis.to_string(),
-        dph(logged_dph),
-        dph(unseen_dph),
+        shown(logged_dph),
+        shown(unseen_dph),
         reduction.map_or("-".to_owned(), |times| format!("{} x", significant(times, if times < 10.0 { 2 } else { 3 }))),
-        curve_error_dph(axis).map_or("-".to_owned(), |half| format!("± {} °/h", significant(half, 2))),
+        curve_error_dph(axis).map_or("-".to_owned(), |half| format!("± {}", units.text(half, 2))),
         model,
     ]
 }
@@ -112,10 +114,10 @@ fn curve_error_dph(axis: &AxisCalibration) -> Option<f64> {
 }
 
 /// Notes of the fit, then the bias that stays.
-fn remarks(calibration: &Calibration) -> Vec<Remark> {
-    let of_axis = |axis: &AxisCalibration| {
+fn remarks(calibration: &Calibration, units: RateUnit) -> Vec<Remark> {
+    let of_axis = move |axis: &AxisCalibration| {
         let letter = axis.axis;
-        let told = axis.notes().into_iter().filter(|note| note.level != NoteLevel::Fact);
+        let told = axis.notes(units).into_iter().filter(|note| note.level != NoteLevel::Fact);
         let remark = move |note: sagnac::notes::Note| Remark {
             is_warning: note.level == NoteLevel::Warning,
             axes: vec![letter],
@@ -123,11 +125,11 @@ fn remarks(calibration: &Calibration) -> Vec<Remark> {
         };
         told.map(remark).collect::<Vec<_>>()
     };
-    calibration.axes.iter().flat_map(of_axis).chain(kept_bias(calibration)).collect()
+    calibration.axes.iter().flat_map(of_axis).chain(kept_bias(calibration, units)).collect()
 }
 
 /// The bias at T0: kept, or removed.
-fn kept_bias(calibration: &Calibration) -> Option<Remark> {
+fn kept_bias(calibration: &Calibration, units: RateUnit) -> Option<Remark> {
     let removed = |axis: &AxisCalibration| axis.correction.fixed_bias.map(|bias| bias.value_dph);
     let of_runs = |axis: &AxisCalibration, of: &dyn Fn(&RunOffset) -> Option<f64>| {
         let all: Vec<f64> = axis.run_offsets.iter().filter_map(of).collect();
@@ -141,13 +143,13 @@ fn kept_bias(calibration: &Calibration) -> Option<Remark> {
         (false, true) => of_runs(axis, &|run| run.fixed_bias_dph),
         (false, false) => of_runs(axis, &|run| Some(run.value_dph)),
     };
-    let all = axes.iter().take(3).filter_map(|axis| Some(format!("{} {}", axis.axis, significant(value(axis)?, 3))));
-    let values = all.collect::<Vec<_>>().join(", ");
+    let all = axes.iter().take(3).filter_map(|axis| Some(format!("{} {}", axis.axis, units.number(value(axis)?, 3))));
+    let values = format!("{} {}", all.collect::<Vec<_>>().join(", "), units.name());
     let reference_c = axes.first()?.reference_c();
     let text = match (is_removed, knows_input) {
-        (true, _) => format!("the fixed bias at {reference_c:.0} °C is removed ({values} °/h)"),
-        (false, true) => format!("fixed bias at {reference_c:.0} °C is kept ({values} °/h): --remove-bias"),
-        (false, false) => format!("mean rate at {reference_c:.0} °C, Earth rate included, is kept ({values} °/h)"),
+        (true, _) => format!("the fixed bias at {reference_c:.0} °C is removed ({values})"),
+        (false, true) => format!("fixed bias at {reference_c:.0} °C is kept ({values}): --remove-bias"),
+        (false, false) => format!("mean rate at {reference_c:.0} °C, Earth rate included, is kept ({values})"),
     };
-    (!values.is_empty()).then(|| Remark::note(text))
+    Some(Remark::note(text))
 }

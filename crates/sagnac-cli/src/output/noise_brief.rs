@@ -1,6 +1,7 @@
 //! The noise of a record in short: N, B, K of each axis, and the least Allan deviation.
 
 use sagnac::allan::NoiseBudget;
+use sagnac_log::setup::RateUnit;
 use sagnac_noise::{AllanTerm, AxisBudget, TermValue};
 use sagnac_units::format::{counted, file_name, significant};
 
@@ -9,23 +10,23 @@ use crate::output::terminal::{Tone, lines_of};
 
 /// Terms shown, and their column.
 const SHOWN: [(AllanTerm, &str); 4] = [
-    (AllanTerm::AngleRandomWalk, "N, °/√h"),
-    (AllanTerm::BiasInstability, "B, °/h"),
-    (AllanTerm::RateRandomWalk, "K, °/h/√h"),
-    (AllanTerm::Quantization, "Q, arcsec"),
+    (AllanTerm::AngleRandomWalk, "N"),
+    (AllanTerm::BiasInstability, "B"),
+    (AllanTerm::RateRandomWalk, "K"),
+    (AllanTerm::Quantization, "Q"),
 ];
 
 /// With the notes on rows, axis by axis, and what was written.
-pub(crate) fn noise_brief(budget: &NoiseBudget, notes: &[(char, String)], wrote: &[String]) -> Brief {
-    let titles = SHOWN.iter().map(|(_, title)| *title);
+pub(crate) fn noise_brief(budget: &NoiseBudget, notes: &[(char, String)], wrote: &[String], units: RateUnit) -> Brief {
+    let titles = SHOWN.iter().map(|(term, letter)| format!("{letter}, {}", units.shown(term.name().1).1));
     let titles: Vec<String> =
-        ["axis"].into_iter().chain(titles).chain(["least deviation"]).map(str::to_owned).collect();
-    let rows: Vec<Vec<String>> = [titles].into_iter().chain(budget.axes.iter().map(row)).collect();
+        ["axis".to_owned()].into_iter().chain(titles).chain(["least deviation".to_owned()]).collect();
+    let rows: Vec<Vec<String>> = [titles].into_iter().chain(budget.axes.iter().map(|axis| row(axis, units))).collect();
     let warnings = budget.warnings.iter().map(Remark::warning);
     let of_rows = notes.iter().map(|(axis, text)| Remark { axes: vec![*axis], ..Remark::note(text) });
     let unresolved = budget.axes.iter().flat_map(|axis| {
         let letters = SHOWN.iter().filter(|(term, _)| matches!(axis.terms.get(*term), TermValue::Unresolved { .. }));
-        let names: Vec<&str> = letters.map(|(_, title)| title.split(',').next().unwrap_or(title)).collect();
+        let names: Vec<&str> = letters.map(|(_, letter)| *letter).collect();
         let text = format!("{} not resolved by this record: -v says why", names.join(", "));
         (!names.is_empty()).then(|| Remark { axes: vec![axis.axis], ..Remark::note(text) })
     });
@@ -55,17 +56,18 @@ fn verdict(budget: &NoiseBudget) -> String {
     )
 }
 
-fn row(axis: &AxisBudget) -> Vec<String> {
+fn row(axis: &AxisBudget, units: RateUnit) -> Vec<String> {
+    let number = |term: AllanTerm, value: f64| significant(units.shown(term.name().1).0 * value, 3);
     let term = |term: AllanTerm| match axis.terms.get(term) {
         TermValue::Found { value, lower: Some(lower), upper: Some(upper) } => {
-            format!("{} ({} … {})", significant(*value, 3), significant(*lower, 3), significant(*upper, 3))
+            format!("{} ({} … {})", number(term, *value), number(term, *lower), number(term, *upper))
         }
-        TermValue::Found { value, .. } => significant(*value, 3),
+        TermValue::Found { value, .. } => number(term, *value),
         TermValue::Unresolved { .. } => "-".to_owned(),
     };
     let least = axis.curve.iter().min_by(|a, b| a.adev_dph.total_cmp(&b.adev_dph));
     let least = least.map_or("-".to_owned(), |point| {
-        format!("{} °/h at {} s", significant(point.adev_dph, 3), significant(point.tau_s, 3))
+        format!("{} at {} s", units.text(point.adev_dph, 3), significant(point.tau_s, 3))
     });
     let terms = SHOWN.iter().map(|(wanted, _)| term(*wanted));
     [axis.axis.to_string()].into_iter().chain(terms).chain([least]).collect()

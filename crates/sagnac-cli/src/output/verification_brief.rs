@@ -1,10 +1,11 @@
 //! A verification in short: one verdict for the unit, limits as rows and axes as columns, and the gain.
 
 use sagnac::verify::{AxisVerification, Bound, DecisionRule, Judged, LimitSpec, SPECS, Verdict, Verification};
-use sagnac_units::format::{counted, significant, unit, with_sigma};
+use sagnac_log::setup::RateUnit;
+use sagnac_units::format::{counted, significant, with_sigma};
 
 use crate::output::brief::{Brief, Remark};
-use crate::output::terminal::{Tone, lines_of};
+use crate::output::terminal::{MOST_COLUMNS, Tone, lines_of};
 
 /// Up to so many limits are all shown; of more those that are not met or not decided.
 const ALL_SHOWN: usize = 7;
@@ -12,9 +13,14 @@ const ALL_SHOWN: usize = 7;
 const SHOWN: usize = 5;
 
 /// With what was written.
-pub(crate) fn verification_brief(verification: &Verification, rule: DecisionRule, wrote: &[String]) -> Brief {
-    let (word, tone, verdict) = verdict(verification);
-    let mut body = limits(verification);
+pub(crate) fn verification_brief(
+    verification: &Verification,
+    rule: DecisionRule,
+    wrote: &[String],
+    units: RateUnit,
+) -> Brief {
+    let (word, tone, verdict) = verdict(verification, units);
+    let mut body = limits(verification, units);
     if !body.is_empty() {
         body.push(String::new());
     }
@@ -33,12 +39,12 @@ pub(crate) fn verification_brief(verification: &Verification, rule: DecisionRule
         tone,
         verdict,
         body,
-        remarks: remarks(verification),
+        remarks: remarks(verification, units),
         last: vec![last],
     }
 }
 
-fn verdict(verification: &Verification) -> (&'static str, Tone, String) {
+fn verdict(verification: &Verification, units: RateUnit) -> (&'static str, Tone, String) {
     let judged = |axis: &AxisVerification| Judged::of(&axis.limits);
     let axes = &verification.axes;
     let total = Judged::of(axes.iter().flat_map(|axis| &axis.limits));
@@ -64,7 +70,7 @@ fn verdict(verification: &Verification) -> (&'static str, Tone, String) {
     };
     let not = |why: String| ("NOT ACCEPTED", Tone::Bad, why);
     if axes.iter().all(|axis| axis.pass.is_none()) {
-        let words = axes.iter().map(|axis| format!("axis {} {}", axis.axis, over_floor(axis)));
+        let words = axes.iter().map(|axis| format!("axis {} {}", axis.axis, over_floor(axis, units)));
         return ("", Tone::Plain, format!("no limits given; {}", words.collect::<Vec<_>>().join(", ")));
     }
     if !verification.training_overlap.is_empty() {
@@ -101,8 +107,8 @@ fn verdict(verification: &Verification) -> (&'static str, Tone, String) {
     }
 }
 
-fn over_floor(axis: &AxisVerification) -> String {
-    let sigma = format!("σ {} °/h", significant(axis.after.sigma_dph, 3));
+fn over_floor(axis: &AxisVerification, units: RateUnit) -> String {
+    let sigma = format!("σ {}", units.text(axis.after.sigma_dph, 3));
     axis.noise_floor.as_ref().map_or(sigma.clone(), |floor| {
         format!("{sigma}, {} of the noise floor", significant(axis.after.sigma_dph / floor.value_dph, 3))
     })
@@ -124,7 +130,7 @@ fn rank(verdicts: &[&Verdict]) -> u8 {
 }
 
 /// The limits as rows, and those that are not shown in one line.
-fn limits(verification: &Verification) -> Vec<String> {
+fn limits(verification: &Verification, units: RateUnit) -> Vec<String> {
     let mut names: Vec<&str> = Vec::new();
     for limit in verification.axes.iter().flat_map(|axis| &axis.limits) {
         if !names.contains(&limit.name.as_str()) {
@@ -144,21 +150,24 @@ fn limits(verification: &Verification) -> Vec<String> {
         let rest = names.iter().copied().filter(|name| !bad.contains(name)).collect();
         (bad, rest)
     };
-    let mut rows: Vec<Vec<String>> = Vec::new();
-    if !shown.is_empty() {
+    let table = |sigmas: bool| {
         let axes = verification.axes.iter().map(|axis| axis.axis.to_string());
-        rows.push(["".to_owned(), "limit".to_owned()].into_iter().chain(axes).chain([String::new()]).collect());
-        rows.extend(shown.iter().map(|name| row(verification, name, &of_name(name))));
-    }
-    lines_of(&rows).into_iter().chain(summary(&hidden, of_name)).collect()
+        let head = ["".to_owned(), "limit".to_owned()].into_iter().chain(axes).chain([String::new()]).collect();
+        let rows = shown.iter().map(|name| row(verification, name, &of_name(name), units, sigmas));
+        lines_of(&[head].into_iter().chain(rows).collect::<Vec<_>>())
+    };
+    // Three axes in a large unit have small numbers: their σ go before a line wraps.
+    let fits = |lines: &Vec<String>| lines.iter().all(|line| line.chars().count() <= MOST_COLUMNS);
+    let lines =
+        if shown.is_empty() { Vec::new() } else { Some(table(true)).filter(fits).unwrap_or_else(|| table(false)) };
+    lines.into_iter().chain(summary(&hidden, of_name)).collect()
 }
 
-fn row(verification: &Verification, name: &str, verdicts: &[&Verdict]) -> Vec<String> {
+fn row(verification: &Verification, name: &str, verdicts: &[&Verdict], units: RateUnit, sigmas: bool) -> Vec<String> {
     let (label, bound, of_unit, is_fraction) = spec_of(name)
         .map_or((name, Bound::Most, "", false), |spec| (spec.label, spec.bound, spec.unit, spec.is_fraction()));
-    let scale = if is_fraction { 100.0 } else { 1.0 };
+    let (scale, of_unit) = if is_fraction { (100.0, "%".to_owned()) } else { units.shown(of_unit) };
     let sign = if bound == Bound::Most { "≤" } else { "≥" };
-    let of_unit = if is_fraction { "%".to_owned() } else { unit(of_unit) };
     let limit = verdicts.first().map_or(0.0, |verdict| verdict.limit);
     let mark = match rank(verdicts) {
         3 => "FAIL ",
@@ -168,7 +177,9 @@ fn row(verification: &Verification, name: &str, verdicts: &[&Verdict]) -> Vec<St
     let value = |axis: &AxisVerification| {
         let Some(verdict) = axis.limit(name) else { return "-".to_owned() };
         match (verdict.value, verdict.sigma) {
-            (Some(value), Some(sigma)) if verdict.pass == Some(false) => with_sigma(scale * value, Some(scale * sigma)),
+            (Some(value), Some(sigma)) if sigmas && verdict.pass == Some(false) => {
+                with_sigma(scale * value, Some(scale * sigma))
+            }
             (Some(value), _) => significant(scale * value, 3),
             (None, _) => if verdict.pass.is_some() { "unknown" } else { "n/a" }.to_owned(),
         }
@@ -240,19 +251,19 @@ fn gain(verification: &Verification) -> String {
     format!("drift reduced {} times on {seen} ({} h{span})", all.join(", "), significant(hours, 2))
 }
 
-fn remarks(verification: &Verification) -> Vec<Remark> {
+fn remarks(verification: &Verification, units: RateUnit) -> Vec<Remark> {
     let copies = verification
         .training_overlap
         .iter()
         .map(|file| Remark::warning(format!("{file} is a log of the calibration: verify another test")));
-    let of_axis = |axis: &AxisVerification| {
+    let of_axis = move |axis: &AxisVerification| {
         let about = |text: String| Remark { is_warning: true, axes: vec![axis.axis], text };
         let repeats = axis.repeats_profile.then(|| {
             about("this test repeats the calibration's profile: it proves nothing for other profiles".to_owned())
         });
         let flight = axis.flight_unavailable.as_ref().map(|why| about(format!("no flight: {why}")));
         let judged = if axis.excluded_fraction.is_some() { "" } else { "; it is judged with the rest" };
-        let suspects = axis.suspects.iter().map(|suspect| about(format!("suspected {}{judged}", suspect.words())));
+        let suspects = axis.suspects.iter().map(|suspect| about(format!("suspected {}{judged}", suspect.words(units))));
         repeats.into_iter().chain(flight).chain(suspects).collect::<Vec<_>>()
     };
     copies.chain(verification.axes.iter().flat_map(of_axis)).collect()

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use sagnac::allan::{NoiseBudget, Request, budget_of_curves, is_curve, noise_budget, read_curve};
 use sagnac::{Error, Result};
-use sagnac_log::setup::Setup;
+use sagnac_log::setup::{RateUnit, Setup};
 use sagnac_log::write::write_bytes;
 use sagnac_noise::{AllanTerm, AxisBudget, Taus, TermValue};
 use sagnac_report::{noise_report, row_notes, term_text};
@@ -13,6 +13,7 @@ use sagnac_units::format::significant;
 
 use crate::args::report::ReportArgs;
 use crate::args::setup::{SetupArgs, numbers};
+use crate::args::units::UnitsArgs;
 use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::noise_brief::noise_brief;
@@ -59,6 +60,8 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    units: UnitsArgs,
+    #[command(flatten)]
     setup: SetupArgs,
 }
 
@@ -95,11 +98,12 @@ impl Verb for Args {
         wrote.extend(self.report.written(|| noise_report(&budget))?);
         let of_rows = |axis: &AxisBudget| row_notes(axis).into_iter().map(|note| (axis.axis, note)).collect::<Vec<_>>();
         let notes: Vec<(char, String)> = budget.axes.iter().flat_map(of_rows).collect();
-        let brief = noise_brief(&budget, &notes, &wrote);
+        let units = self.units.over(&self.setup.over(Setup::default())?);
+        let brief = noise_brief(&budget, &notes, &wrote, units);
         if console.is_verbose() {
             brief.say_verdict(console);
             budget.warnings.iter().for_each(|warning| console.note(format!("warning: {warning}")));
-            budget.axes.iter().for_each(|axis| describe(console, axis));
+            budget.axes.iter().for_each(|axis| describe(console, axis, units));
             excluded(&budget.excluded).iter().for_each(|line| console.say(line));
             brief.say_last(console);
         } else {
@@ -173,7 +177,7 @@ fn taus(text: &str) -> Result<Taus> {
     }
 }
 
-fn describe(console: &mut Console, axis: &AxisBudget) {
+fn describe(console: &mut Console, axis: &AxisBudget, units: RateUnit) {
     if axis.rows > 0 {
         let stretches = match axis.stretches {
             1 => "one stretch".to_owned(),
@@ -190,23 +194,23 @@ fn describe(console: &mut Console, axis: &AxisBudget) {
     }
     row_notes(axis).iter().for_each(|note| console.say(format!("  {note}")));
     let rows = AllanTerm::ALL.iter().map(|term| {
-        let (name, unit) = term.name();
-        let [value, interval] = term_text(axis.terms.get(*term));
-        vec![name.to_owned(), unit.to_owned(), value, interval]
+        let (factor, unit) = units.shown(term.name().1);
+        let [value, interval] = term_text(axis.terms.get(*term), factor);
+        vec![term.name().0.to_owned(), unit, value, interval]
     });
     console.say(table(&["term", "unit", "value", "95 % interval"], rows));
     for (letter, why) in reasons(axis) {
         console.say(format!("  {letter}: {why}"));
     }
     let step = axis.curve.len().div_ceil(SHOWN_TAUS).max(1);
-    let end = |value: Option<f64>| value.map_or("-".to_owned(), |v| significant(v, 3));
+    let end = |value: Option<f64>| value.map_or("-".to_owned(), |dph| units.number(dph, 3));
     let rows = axis
         .curve
         .iter()
         .step_by(step)
-        .map(|p| vec![significant(p.tau_s, 4), significant(p.adev_dph, 4), end(p.lower_dph), end(p.upper_dph)]);
+        .map(|p| vec![significant(p.tau_s, 4), units.number(p.adev_dph, 4), end(p.lower_dph), end(p.upper_dph)]);
     let title = if step > 1 { format!("τ, s, one in {step} of {}", axis.curve.len()) } else { "τ, s".to_owned() };
-    console.say(table(&[&title, "Allan deviation, °/h", "from", "to (95 %)"], rows));
+    console.say(table(&[&title, &format!("Allan deviation, {}", units.name()), "from", "to (95 %)"], rows));
 }
 
 /// Why terms are missing: letters of those with the same reason together.

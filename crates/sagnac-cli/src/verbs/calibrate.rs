@@ -7,12 +7,14 @@ use sagnac::fit::{FitOptions, UnitPrior, calibrate_with_report_data, frontier};
 use sagnac::fleet::PriorFile;
 use sagnac::model::TICK_INSTRUCTIONS;
 use sagnac::{Error, Result};
+use sagnac_log::setup::RateUnit;
 use sagnac_log::write::write_bytes;
 use sagnac_report::calibration_report;
 use sagnac_units::format::significant;
 
 use crate::args::report::ReportArgs;
 use crate::args::setup::{LogArgs, source_date_epoch};
+use crate::args::units::UnitsArgs;
 use crate::files::Files;
 use crate::output::brief::Remark;
 use crate::output::calibration::describe;
@@ -72,6 +74,8 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    units: UnitsArgs,
+    #[command(flatten)]
     reading: LogArgs,
 }
 
@@ -101,6 +105,7 @@ impl Verb for Args {
             .remove_bias(self.remove_bias)
             .progress(of_fit());
         let (windows, setup) = self.reading.windows(&self.logs)?;
+        let units = self.units.over(&setup);
         for run in windows.runs.iter().filter(|run| run.files.len() > 1) {
             let by_counter = run.files.iter().any(|file| file.summary.follows_by_counter);
             let why =
@@ -111,14 +116,19 @@ impl Verb for Args {
         // Its bar goes before the results come.
         drop(options);
         let text = calibration.to_json()?;
-        let trades = calibration.axes.iter().filter(|_| self.tradeoff).map(tradeoff).collect::<Result<Vec<_>>>()?;
+        let trades = calibration
+            .axes
+            .iter()
+            .filter(|_| self.tradeoff)
+            .map(|axis| tradeoff(axis, units))
+            .collect::<Result<Vec<_>>>()?;
         if let Some(path) = &self.output {
             write_bytes(path, text.as_bytes())?;
         }
         let output = self.output.as_ref().map(|path| path.display().to_string());
         let mut wrote: Vec<String> = output.iter().cloned().collect();
         wrote.extend(self.report.written(|| calibration_report(&calibration, &report_data))?);
-        let mut brief = calibration_brief(&calibration, &report_data, &wrote, output.as_deref());
+        let mut brief = calibration_brief(&calibration, &report_data, &wrote, output.as_deref(), units);
         let no_warm_up = calibration.axes.iter().filter(|axis| self.warm_up && axis.correction.warm_up.is_none());
         let axes: Vec<char> = no_warm_up.map(|axis| axis.axis).collect();
         if !axes.is_empty() {
@@ -126,7 +136,7 @@ impl Verb for Args {
         }
         if console.is_verbose() {
             brief.say_verdict(console);
-            calibration.axes.iter().for_each(|axis| describe(console, axis));
+            calibration.axes.iter().for_each(|axis| describe(console, axis, units));
             brief.say_last(console);
         } else {
             brief.say(console);
@@ -142,7 +152,7 @@ fn of_unit(path: &Path, lot: Option<&str>) -> Result<UnitPrior> {
 }
 
 /// The frontier of price and held-out residual, with the knee.
-fn tradeoff(axis: &AxisCalibration) -> Result<String> {
+fn tradeoff(axis: &AxisCalibration, units: RateUnit) -> Result<String> {
     let best = frontier(axis);
     if axis.candidates().len() < 2 || best.is_empty() {
         return Err(Error::input("a trade-off needs several models", "remove --model").column("--tradeoff"));
@@ -152,12 +162,13 @@ fn tradeoff(axis: &AxisCalibration) -> Result<String> {
         vec![
             point.candidate.model.clone(),
             point.instructions.to_string(),
-            significant(point.held_out_dph, 4),
+            units.number(point.held_out_dph, 4),
             floor.map_or("-".to_owned(), |floor| significant(point.held_out_dph / floor, 3)),
             if point.knee { "the knee: no larger model is justified" } else { "" }.to_owned(),
         ]
     });
-    let header = ["cheapest models", "slow update, instructions", "held-out σ, °/h", "over the floor", ""];
+    let held_out = format!("held-out σ, {}", units.name());
+    let header = ["cheapest models", "slow update, instructions", &held_out, "over the floor", ""];
     let words = format!(
         "  the tick takes {TICK_INSTRUCTIONS} instructions whatever the model (Cortex-M4F; instructions are not cycles)"
     );

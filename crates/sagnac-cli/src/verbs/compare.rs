@@ -10,6 +10,7 @@ use sagnac_report::comparison_report;
 use sagnac_units::format;
 
 use crate::args::report::ReportArgs;
+use crate::args::units::UnitsArgs;
 use crate::files::{Files, loading};
 use crate::output::comparison_brief::comparison_brief;
 use crate::output::console::{Console, Outcome, Ran};
@@ -32,6 +33,8 @@ pub(crate) struct Args {
     limits: Option<String>,
     #[command(flatten)]
     report: ReportArgs,
+    #[command(flatten)]
+    units: UnitsArgs,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     json: bool,
@@ -55,12 +58,15 @@ impl Verb for Args {
             };
         let records: Result<Vec<(String, Calibration)>> = self.calibrations.iter().map(read).collect();
         let limits = self.limits.as_deref().map(Limits::named_or_read).transpose()?;
-        let comparison = compare(&records?, limits.as_ref())?;
-        let wrote = self.report.written(|| comparison_report(&comparison))?;
-        let brief = comparison_brief(&comparison, &wrote);
+        let records = records?;
+        let comparison = compare(&records, limits.as_ref())?;
+        let units = records.first().map_or_else(Default::default, |(_, first)| self.units.over(&first.setup));
+        let shown = comparison.shown_in(units);
+        let wrote = self.report.written(|| comparison_report(&shown))?;
+        let brief = comparison_brief(&shown, &wrote);
         if console.is_verbose() {
             brief.say_verdict(console);
-            say_everything(console, &comparison);
+            say_everything(console, &shown);
             brief.say_last(console);
         } else {
             brief.say(console);

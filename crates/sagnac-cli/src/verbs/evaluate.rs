@@ -6,10 +6,12 @@ use std::path::PathBuf;
 use sagnac::calibration::{AxisCalibration, Evaluation};
 use sagnac::{Error, Result};
 use sagnac_log::ingest::Content;
+use sagnac_log::setup::RateUnit;
 use sagnac_log::write::write_rows;
 use sagnac_units::format::{counted, plain, significant};
 use serde::Serialize;
 
+use crate::args::units::UnitsArgs;
 use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table;
@@ -40,6 +42,8 @@ pub(crate) struct Args {
     /// Table to write: CSV, or Parquet for a name in .parquet
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    units: UnitsArgs,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     json: bool,
@@ -64,6 +68,7 @@ impl Verb for Args {
     fn run(&self, console: &mut Console) -> Ran {
         Files::new().reads([&self.calibration]).writes(&self.output).check()?;
         let calibration = loading::calibration(&self.calibration)?;
+        let units = self.units.over(&calibration.setup);
         let temperatures = temperatures(&self.at)?;
         if !self.rate_cpm.is_finite() {
             return Err(Error::input("must be a number", "give a temperature rate in °C/min, such as --rate-cpm 0.5")
@@ -91,7 +96,7 @@ impl Verb for Args {
                 counted(evaluated.axes.len(), "axis", "axes")
             ));
         } else {
-            evaluated.axes.iter().for_each(|axis| console.say(describe(axis)));
+            evaluated.axes.iter().for_each(|axis| console.say(describe(axis, units)));
         }
         console.object(&evaluated)?;
         Ok(Outcome::Done)
@@ -144,15 +149,15 @@ fn cells(axis: char, point: &Evaluation) -> Vec<String> {
     ]
 }
 
-fn describe(axis: &EvaluatedAxis) -> String {
+fn describe(axis: &EvaluatedAxis, units: RateUnit) -> String {
     let rows = axis.points.iter().map(|point| {
         let interval = match (point.lower_dph, point.upper_dph) {
-            (Some(lower), Some(upper)) => format!("{} … {}", significant(lower, 3), significant(upper, 3)),
+            (Some(lower), Some(upper)) => format!("{} … {}", units.number(lower, 3), units.number(upper, 3)),
             _ => "not known".to_owned(),
         };
         vec![
             plain(point.temperature_c),
-            significant(point.drift_dph, 4),
+            units.number(point.drift_dph, 4),
             interval,
             significant(point.scale_ppm, 4),
             if point.in_span { String::new() } else { "outside the span: as at its border".to_owned() },
@@ -160,7 +165,7 @@ fn describe(axis: &EvaluatedAxis) -> String {
     });
     let title = format!("axis {}: °C", axis.axis);
     let rate = axis.points.first().map_or(0.0, |point| point.rate_cpm);
-    let drift = format!("drift, °/h, at {} °C/min", plain(rate));
+    let drift = format!("drift, {}, at {} °C/min", units.name(), plain(rate));
     table(&[&title, &drift, "95 % interval", "scale factor, ppm", ""], rows)
 }
 

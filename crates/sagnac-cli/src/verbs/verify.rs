@@ -8,11 +8,13 @@ use sagnac::verify::{
     ScaleProof, ScaleValues, Verification, VerifyOptions, verify,
 };
 use sagnac::{Error, Result};
+use sagnac_log::setup::RateUnit;
 use sagnac_report::{Sheet, verification_report};
-use sagnac_units::format::{significant, unit, with_sigma};
+use sagnac_units::format::{significant, with_sigma};
 
 use crate::args::report::ReportArgs;
 use crate::args::setup::SetupArgs;
+use crate::args::units::UnitsArgs;
 use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::tables::{excluded, limits_table};
@@ -47,6 +49,8 @@ pub(crate) struct Args {
     /// that was bumped. How much is left out is a limit of its own
     #[arg(long, value_enum, value_delimiter = ',', value_name = "WHAT")]
     exclude: Vec<Exclude>,
+    #[command(flatten)]
+    units: UnitsArgs,
     #[command(flatten)]
     setup: SetupArgs,
 }
@@ -136,11 +140,12 @@ impl Verb for Args {
             .report
             .written(|| verification_report(&verification, correction.calibration.as_ref(), &report_data, &sheet))?;
         let rule = limits.and_then(|limits| limits.decision).unwrap_or_default();
-        let brief = verification_brief(&verification, rule, &wrote);
+        let units = self.units.over(&setup);
+        let brief = verification_brief(&verification, rule, &wrote, units);
         if console.is_verbose() {
             brief.say_verdict(console);
             warn_of_same_log(console, &verification);
-            describe(console, &verification);
+            describe(console, &verification, units);
             brief.say_last(console);
         } else {
             brief.say(console);
@@ -169,10 +174,10 @@ fn warn_of_same_log(console: &mut Console, verification: &Verification) {
     }
 }
 
-fn describe(console: &mut Console, verification: &Verification) {
+fn describe(console: &mut Console, verification: &Verification, units: RateUnit) {
     for axis in &verification.axes {
         console.say(format!("axis {}: {}", axis.axis, verdict(axis, verification)));
-        console.say(drift_values(axis, verification));
+        console.say(drift_values(axis, verification, units));
         if axis.about_common_mean {
             console.say("  each run covers little of the temperatures: figures are about the mean of all runs");
         }
@@ -189,13 +194,13 @@ fn describe(console: &mut Console, verification: &Verification) {
             console.say(scale_factor(scale));
         }
         if let Some(repeatability) = &axis.bias_repeatability {
-            console.say(bias_repeatability(repeatability));
+            console.say(bias_repeatability(repeatability, units));
         }
         for suspect in &axis.suspects {
             let judged = if axis.excluded_fraction.is_some() { "" } else { "; judged with the rest" };
-            console.say(format!("  suspected {}{judged}", suspect.words()));
+            console.say(format!("  suspected {}{judged}", suspect.words(units)));
         }
-        let rows = axis.residual_diagnostics.rows();
+        let rows = axis.residual_diagnostics.rows(units);
         if !rows.is_empty() {
             console.say(table(&["residual", "value", "noise alone"], rows));
         }
@@ -229,24 +234,21 @@ fn flown(flight: &PositionError) -> String {
 }
 
 /// Fixed bias of the runs against the calibration.
-fn bias_repeatability(repeatability: &BiasRepeatability) -> String {
-    let text = |e: Estimate| with_sigma(e.value, Some(e.sigma));
+fn bias_repeatability(repeatability: &BiasRepeatability, units: RateUnit) -> String {
+    let text = |e: Estimate| format!("{} {}", units.with_sigma(e.value, Some(e.sigma)), units.name());
     let mut out = format!(
-        "  fixed bias after the correction: calibration {} °/h ({})",
+        "  fixed bias after the correction: calibration {} ({})",
         text(repeatability.calibration_dph),
-        repeatability.input_text()
+        repeatability.input_text(units)
     );
     for run in &repeatability.runs {
         let file = sagnac_units::format::file_name(&run.file);
-        out +=
-            &format!("\n  {file}: {} °/h, {} °/h from the calibration", text(run.bias_dph), text(run.difference_dph));
+        out += &format!("\n  {file}: {}, {} from the calibration", text(run.bias_dph), text(run.difference_dph));
     }
     if let Some(turn_ons) = repeatability.turn_ons {
-        let [sigma, upper] = [turn_ons.sigma_dph, turn_ons.sigma_upper_dph].map(|v| significant(v, 2));
-        out += &format!(
-            "\n  turn-on to turn-on: σ {sigma} °/h over {} runs, below {upper} °/h with 95 % confidence",
-            turn_ons.n
-        );
+        let [sigma, upper] = [turn_ons.sigma_dph, turn_ons.sigma_upper_dph].map(|dph| units.text(dph, 2));
+        out +=
+            &format!("\n  turn-on to turn-on: σ {sigma} over {} runs, below {upper} with 95 % confidence", turn_ons.n);
     }
     out
 }
@@ -293,12 +295,13 @@ fn unjudged_bias(axis: &AxisVerification) -> &'static str {
     if asked { " (the bias against the calibration is NOT judged)" } else { "" }
 }
 
-fn drift_values(axis: &AxisVerification, verification: &Verification) -> String {
+fn drift_values(axis: &AxisVerification, verification: &Verification, units: RateUnit) -> String {
+    let (factor, unit) = units.shown(&verification.unit);
     let row = |name: &str, f: &DriftValues| {
         let cells = [f.min, f.max, f.mean, f.peak_to_peak, f.sigma].map(|v| format!("{v:.2}"));
-        let precise = [f.min, f.max, f.mean, f.peak_to_peak, f.sigma].map(|v| significant(v, 5));
+        let precise = [f.min, f.max, f.mean, f.peak_to_peak, f.sigma].map(|v| significant(factor * v, 5));
         let cells = if verification.unit == "deg/h" { precise } else { cells };
-        [vec![name.to_owned(), f.n.to_string()], cells.to_vec(), vec![significant(f.sigma_dph, 3)]].concat()
+        [vec![name.to_owned(), f.n.to_string()], cells.to_vec(), vec![units.number(f.sigma_dph, 3)]].concat()
     };
     let mut rows = vec![row("before", &axis.before), row("after", &axis.after)];
     if let Some(floor) = &axis.noise_floor {
@@ -309,11 +312,11 @@ fn drift_values(axis: &AxisVerification, verification: &Verification) -> String 
             blank(),
             blank(),
             blank(),
-            significant(floor.expected_peak_to_peak, 3),
-            significant(floor.value, 3),
-            significant(floor.value_dph, 3),
+            significant(factor * floor.expected_peak_to_peak, 3),
+            significant(factor * floor.value, 3),
+            units.number(floor.value_dph, 3),
         ]);
     }
-    let title = format!("{} ({} s)", unit(&verification.unit), verification.window_s);
-    table(&[&title, "n", "min", "max", "mean", "max − min", "σ", "σ, °/h"], rows)
+    let title = format!("{unit} ({} s)", verification.window_s);
+    table(&[&title, "n", "min", "max", "mean", "max − min", "σ", &format!("σ, {}", units.name())], rows)
 }

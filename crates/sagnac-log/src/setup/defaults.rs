@@ -135,6 +135,7 @@ impl Setup {
             serial: None,
             sensor: None,
             rig: None,
+            units: None,
             input_rate_dph: None,
             earth: None,
             reference_c: None,

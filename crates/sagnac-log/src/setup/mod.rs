@@ -6,6 +6,7 @@
 mod bench;
 mod defaults;
 mod input_rate;
+mod rate_unit;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,6 +17,7 @@ use serde::{Deserialize, Serialize};
 pub use bench::{BenchSetup, LiveFormat, PollColumn, PollSetup, RegisterTable, RegisterType};
 pub use defaults::Clock;
 pub use input_rate::{Direction, Earth, PerAxis, input_rate_hint};
+pub use rate_unit::{RATE_UNITS, RateUnit};
 
 use crate::error::{Error, Result};
 use crate::memory::MemoryBudget;
@@ -256,6 +258,9 @@ pub struct Setup {
     /// Test equipment, in words: chamber, table, site.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rig: Option<String>,
+    /// Unit of rates in text, plots and reports, `dph`, `dps`, `mdps` or `radps`; °/h by default. Records, limits and JSON keep °/h.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub units: Option<RateUnit>,
     /// Nominal scale factor S0, arcsec per count. Needed by count logs, never guessed.
     pub arcsec_per_count: Option<f64>,
     /// Smallest step of the counts column, counts; 1 by default.

@@ -1,7 +1,7 @@
 //! The checks of a record, before it is used or written: anyone may have edited the file.
 
 use sagnac_log::error::{Error, Result};
-use sagnac_log::setup::{ThermometerSetup, check_thermometer, is_serial, not_a_serial};
+use sagnac_log::setup::{RateUnit, ThermometerSetup, check_thermometer, is_serial, not_a_serial};
 
 use crate::calibration::{AxisCalibration, Calibration, CorrectionTerm, Input, InputSource};
 
@@ -57,7 +57,7 @@ impl AxisCalibration {
             if !sound {
                 return Err(Error::input("a warm-up must have a finite size and a time constant above zero", BROKEN)
                     .column(named("warm_up"))
-                    .value(warm_up.words()));
+                    .value(warm_up.words(RateUnit::DegPerHour)));
             }
         }
         let [lo, hi] = main.span;

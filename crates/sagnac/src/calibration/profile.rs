@@ -1,5 +1,6 @@
 //! What the profile of a test adds to a calibration: effects of time next to those of temperature, and what it cannot separate.
 
+use sagnac_log::setup::RateUnit;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -26,12 +27,12 @@ pub struct TimeEffect {
 
 impl TimeEffect {
     /// `drift in time of run 2: 0.0100 ± 0.0004 °/h per hour`.
-    pub fn words(&self) -> String {
+    pub fn words(&self, units: RateUnit) -> String {
         let of_run = self.run.map_or(String::new(), |run| format!(" of run {run}"));
-        let value = sagnac_units::format::with_sigma(self.value, Some(self.sigma));
+        let value = format!("{} {}", units.with_sigma(self.value, Some(self.sigma)), units.name());
         match self.tau_s {
-            None => format!("drift in time{of_run}: {value} °/h per hour"),
-            Some(tau_s) => format!("warm-up{of_run}: {value} °/h at the start, time constant {tau_s:.0} s"),
+            None => format!("drift in time{of_run}: {value} per hour"),
+            Some(tau_s) => format!("warm-up{of_run}: {value} at the start, time constant {tau_s:.0} s"),
         }
     }
 }
@@ -50,10 +51,10 @@ pub struct WarmUp {
 
 impl WarmUp {
     /// `0.100 ± 0.004 °/h at power-on, time constant 2510 ± 90 s`.
-    pub fn words(&self) -> String {
-        let [size, tau] = [(self.value_dph, self.sigma_dph), (self.tau_s.value, self.tau_s.sigma)]
-            .map(|(value, sigma)| sagnac_units::format::with_sigma(value, sigma));
-        format!("{size} °/h at power-on, time constant {tau} s")
+    pub fn words(&self, units: RateUnit) -> String {
+        let size = units.with_sigma(self.value_dph, self.sigma_dph);
+        let tau = sagnac_units::format::with_sigma(self.tau_s.value, self.tau_s.sigma);
+        format!("{size} {} at power-on, time constant {tau} s", units.name())
     }
 }
 
@@ -105,15 +106,15 @@ impl MovedTogether {
 
 impl Entanglement {
     /// What it means for the use of a calibration.
-    pub fn note(&self) -> String {
+    pub fn note(&self, units: RateUnit) -> String {
         let profile = match self.with {
             MovedTogether::TemperatureRate => "of the same rates at the same temperatures",
             MovedTogether::Time => "of the same length",
         };
         let part = 100.0 * self.explained_fraction;
-        let sigma = self.sigma_dph.map_or(String::new(), |sigma| {
-            format!("; this adds up to {} °/h (σ) to the curve", sagnac_units::format::significant(sigma, 2))
-        });
+        let sigma = self
+            .sigma_dph
+            .map_or(String::new(), |sigma| format!("; this adds up to {} (σ) to the curve", units.text(sigma, 2)));
         format!(
             "temperature and {} moved together in these runs ({part:.0} %): the correction holds for profiles {profile}{sigma}",
             self.with.words()

@@ -1,9 +1,8 @@
 //! Scale factor and misalignment from runs on a rate table.
 
+use sagnac_log::setup::RateUnit;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use sagnac_units::format::significant;
 
 /// A value in parts per million with its standard deviation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -68,7 +67,7 @@ pub struct ScaleFactor {
 
 impl ScaleFactor {
     /// What an asymmetry beyond its noise does to the bias, in words: S|Ω| is a rate that does not turn with the table.
-    pub fn asymmetry_note(&self) -> Option<String> {
+    pub fn asymmetry_note(&self, units: RateUnit) -> Option<String> {
         let beyond = |p: &&Plateau| p.asymmetry.is_some_and(|a| a.ppm.abs() > BEYOND_NOISE * a.sigma_ppm);
         let drift_dph = |p: &Plateau| {
             let fastest_dps = p.rates_dps.iter().fold(0.0_f64, |most, rate| most.max(rate.abs()));
@@ -79,11 +78,11 @@ impl ScaleFactor {
         // One in 370 is beyond three σ by chance.
         (lame.len() * 10 > self.plateaus.len() && most_dph > 0.0).then(|| {
             format!(
-                "the asymmetry is beyond its noise at {} of {} plateaus: up to {} °/h of it stand in the rate at rest and in the bias; a run \
+                "the asymmetry is beyond its noise at {} of {} plateaus: up to {} of it stand in the rate at rest and in the bias; a run \
                  at rest tells the bias alone",
                 lame.len(),
                 self.plateaus.len(),
-                significant(most_dph, 2)
+                units.text(most_dph, 2)
             )
         })
     }

@@ -1,5 +1,6 @@
 //! How a model was found: the steps of the search, rejected inputs, conditioning, and the noise of the correction.
 
+use sagnac_log::setup::RateUnit;
 use sagnac_units::format::{counted, significant};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -49,8 +50,8 @@ pub struct SearchStep {
 }
 
 impl SearchStep {
-    /// The search for people, a row per step: its number, the model selected, held-out σ in °/h, condition, and out of how many.
-    pub fn rows(steps: &[Self]) -> Vec<[String; 5]> {
+    /// The search for people, a row per step: its number, the model selected, held-out σ, condition, and out of how many.
+    pub fn rows(steps: &[Self], units: RateUnit) -> Vec<[String; 5]> {
         let kept = |step: &&Self| {
             use SearchVerdict::{LagRaised, Selected, Start, TooNoisy};
             matches!(step.verdict, Start | Selected | LagRaised | TooNoisy)
@@ -68,7 +69,13 @@ impl SearchStep {
                 _ => format!("best of {} tried{collinear}{large}", beside().count()),
             };
             let number = |value: Option<f64>, digits| value.map_or("-".to_owned(), |v| significant(v, digits));
-            [step.step.to_string(), step.model.clone(), number(step.held_out_dph, 4), number(step.condition, 3), words]
+            [
+                step.step.to_string(),
+                step.model.clone(),
+                number(step.held_out_dph.map(|dph| units.of_dph(dph)), 4),
+                number(step.condition, 3),
+                words,
+            ]
         };
         steps.iter().filter(kept).map(row).collect()
     }
@@ -171,7 +178,7 @@ pub struct PriorUse {
 
 impl PriorUse {
     /// What it is and how far the test is from it, for people.
-    pub fn words(&self) -> String {
+    pub fn words(&self, units: RateUnit) -> String {
         let lot = self.lot.as_ref().map_or(String::new(), |lot| format!(" of lot {lot}"));
         format!(
             "prior of {} axes{lot}: the test determines {} of {} parameters, the fleet the others; Mahalanobis distance {} in {}, \
@@ -184,7 +191,7 @@ impl PriorUse {
             significant(self.distance_max, 2),
             significant(self.misfit, 2),
             significant(self.misfit_max, 2),
-            self.unnoticed_dph.map_or("any size".to_owned(), |dph| format!("up to {} °/h", significant(dph, 2)))
+            self.unnoticed_dph.map_or("any size".to_owned(), |dph| format!("up to {}", units.text(dph, 2)))
         )
     }
 }

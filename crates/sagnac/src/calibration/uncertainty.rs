@@ -1,5 +1,6 @@
 //! Values of a record's uncertainty. `evaluate.rs` makes predictions and intervals of them.
 
+use sagnac_log::setup::RateUnit;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -94,11 +95,11 @@ pub struct LackOfFit {
 
 impl LackOfFit {
     /// What it means for the use of a calibration.
-    pub fn note(&self) -> String {
+    pub fn note(&self, units: RateUnit) -> String {
         let Self { better, chi_squared, temperature_c, difference_dph } = self;
         format!(
-            "the rows contradict this model: {better} describes them better (Δχ² {chi_squared:.0}), and its curve differs by {} °/h at {temperature_c:.0} °C",
-            sagnac_units::format::significant(*difference_dph, 2)
+            "the rows contradict this model: {better} describes them better (Δχ² {chi_squared:.0}), and its curve differs by {} at {temperature_c:.0} °C",
+            units.text(*difference_dph, 2)
         )
     }
 }

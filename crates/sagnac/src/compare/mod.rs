@@ -19,6 +19,7 @@ mod limits;
 pub use changes::Change;
 pub use limits::{COMPARED, ComparedLimit};
 
+use sagnac_log::setup::RateUnit;
 use serde::{Deserialize, Serialize};
 
 use crate::calibration::{AxisCalibration, Calibration, CorrectionTerm, Lag};
@@ -64,6 +65,29 @@ pub struct ComparedCurve {
     pub without: Vec<usize>,
     /// Largest |z|, its record and temperature.
     pub worst: Option<Worst>,
+}
+
+impl Comparison {
+    /// The same with rates in a unit, for people; a record keeps °/h.
+    #[must_use]
+    pub fn shown_in(&self, units: RateUnit) -> Self {
+        let mut shown = self.clone();
+        for axis in &mut shown.axes {
+            for curve in &mut axis.curves {
+                let (factor, unit) = units.shown(&curve.unit);
+                curve.unit = unit;
+                let of_record = [&mut curve.values, &mut curve.sigmas].into_iter().flatten();
+                of_record.chain([&mut curve.mean, &mut curve.beyond]).flatten().for_each(|value| *value *= factor);
+                curve.differences.iter_mut().flatten().flatten().for_each(|value| *value *= factor);
+            }
+            for number in &mut axis.numbers {
+                let (factor, unit) = units.shown(&number.unit);
+                number.unit = unit;
+                number.values.iter_mut().flatten().flatten().for_each(|value| *value *= factor);
+            }
+        }
+        shown
+    }
 }
 
 impl ComparedNumber {

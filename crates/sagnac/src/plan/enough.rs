@@ -16,6 +16,7 @@
 //! Fails as the fit does: a term that no temperature so far has shown is in no covariance. So a caller asks for the same answer several times in a
 //! row, over a growing record, before he ends a test. What the test's own shape cannot show is listed (`not_seen`).
 
+use sagnac_log::setup::RateUnit;
 use std::collections::BTreeMap;
 
 use nalgebra::DMatrix;
@@ -243,7 +244,7 @@ fn axis_so_far(
     let letter = axis.axis;
     let mut say = |is_open: bool, what: String| open.extend(is_open.then(|| format!("axis {letter}: {what}")));
     say(fit.hysteresis.is_none(), "heating and cooling cannot be compared yet".to_owned());
-    fit.entanglement.iter().for_each(|entanglement| say(true, entanglement.note()));
+    fit.entanglement.iter().for_each(|entanglement| say(true, entanglement.note(RateUnit::DegPerHour)));
     say(axis.noise_floor().is_none(), "the noise floor is not known, so a misfit of the model is not seen".to_owned());
     if let (Some(limit), Some(beyond)) = (request.limits.sigma_beyond_floor_dph_max, beyond_floor(axis)) {
         say(

@@ -336,7 +336,7 @@ fn calibrate(args: &Args, setup: &Setup, model: Model, console: &mut Console) ->
     let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
     drop(options);
     for axis in &calibration.axes {
-        calibration::describe(console, axis);
+        calibration::describe(console, axis, setup.units.unwrap_or_default());
     }
     write_record(args, &calibration, console)?;
     args.report.write(console, || calibration_report(&calibration, &report_data))?;

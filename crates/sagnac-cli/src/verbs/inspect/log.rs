@@ -6,15 +6,16 @@ use sagnac::Result;
 use sagnac::survey::{AxisSurvey, Survey, ThermometerSurvey, survey};
 use sagnac::window::{WindowBuilder, Windows, table_columns, table_row};
 use sagnac_log::ingest::{AngleUnit, LogReader, LogShape, ReadMode, Tally, already_compensated, table_of_windows};
-use sagnac_log::setup::Setup;
+use sagnac_log::setup::{RateUnit, Setup};
 use sagnac_log::write::write_rows;
 use sagnac_report::survey_report;
-use sagnac_units::format::{counted, significant, with_sigma};
+use sagnac_units::format::{counted, significant};
 use sagnac_units::s_from_ns;
 use serde::Serialize;
 
 use crate::args::report::ReportArgs;
 use crate::args::setup::LogArgs;
+use crate::args::units::UnitsArgs;
 use crate::files::loading;
 use crate::output::console::Console;
 use crate::output::progress::open_log;
@@ -57,6 +58,7 @@ const SCALE_KEY: &str = "arcsec_per_count";
 pub(super) struct Wanted<'a> {
     pub(super) reading: &'a LogArgs,
     pub(super) report: &'a ReportArgs,
+    pub(super) units: UnitsArgs,
     /// A table of the windows.
     pub(super) windows: Option<&'a Path>,
 }
@@ -137,7 +139,7 @@ fn described(
             .push("count size unknown: rates below are counts per second. Set --arcsec-per-count".to_owned());
     }
     let object = object_of(windows, survey, ignored, kind, scale_known);
-    say(&object, scale_known, console);
+    say(&object, scale_known, wanted.units.over(setup), console);
     if let Some(path) = wanted.windows {
         write_rows(path, table_columns(windows), (0..windows.len()).map(|at| table_row(windows, at)))?;
         console.say(format!("wrote {}", path.display()));
@@ -146,7 +148,7 @@ fn described(
     console.object(&object)
 }
 
-fn say(object: &LogObject, scale_known: bool, console: &mut Console) {
+fn say(object: &LogObject, scale_known: bool, units: RateUnit, console: &mut Console) {
     console.say(format!(
         "{} rows every {} s, {} s in all; {}, {} of them usable",
         object.rows,
@@ -160,7 +162,7 @@ fn say(object: &LogObject, scale_known: bool, console: &mut Console) {
     console.say(format!("verdict: {}{because}", good_for.name()));
     cautions.iter().for_each(|caution| console.say(format!("note: {caution}")));
     console.say("");
-    console.say(axes_table(&object.axes, axes, scale_known));
+    console.say(axes_table(&object.axes, axes, scale_known, units));
     if !thermometers.is_empty() {
         console.say("");
         console.say(thermometers_table(thermometers));
@@ -177,19 +179,22 @@ fn say(object: &LogObject, scale_known: bool, console: &mut Console) {
     missing(axes, console);
 }
 
-fn axes_table(means: &[LogAxis], axes: &[AxisSurvey], scale_known: bool) -> String {
+fn axes_table(means: &[LogAxis], axes: &[AxisSurvey], scale_known: bool, units: RateUnit) -> String {
     let cell = |value: Option<f64>| value.map_or("-".to_owned(), |v| significant(v, 7));
+    let (factor, walk) = units.shown("deg/rt h");
     let rows = means.iter().zip(axes).map(|(mean, axis)| {
         let slope = axis.slope_dph_per_c.filter(|_| scale_known);
         vec![
             mean.axis.to_string(),
-            cell(mean.mean_dph),
+            cell(mean.mean_dph.map(|dph| units.of_dph(dph))),
             cell(mean.mean_counts_per_s),
-            axis.arw_deg_rt_h.filter(|_| scale_known).map_or("-".to_owned(), |arw| significant(arw, 3)),
-            slope.map_or("-".to_owned(), |[value, sigma]| with_sigma(value, Some(sigma))),
+            axis.arw_deg_rt_h.filter(|_| scale_known).map_or("-".to_owned(), |arw| significant(factor * arw, 3)),
+            slope.map_or("-".to_owned(), |[value, sigma]| units.with_sigma(value, Some(sigma))),
         ]
     });
-    table(&["axis", "mean, °/h", "mean, counts/s", "ARW, °/√h", "slope, °/h per °C"], rows)
+    let name = units.name();
+    let [mean, slope] = [format!("mean, {name}"), format!("slope, {name} per °C")];
+    table(&["axis", &mean, "mean, counts/s", &format!("ARW, {walk}"), &slope], rows)
 }
 
 fn thermometers_table(all: &[ThermometerSurvey]) -> String {

@@ -11,6 +11,7 @@ use sagnac::calibration::Calibration;
 
 use crate::args::report::ReportArgs;
 use crate::args::setup::LogArgs;
+use crate::args::units::UnitsArgs;
 use crate::files::Files;
 use crate::files::loading::{self, FileKind};
 use crate::output::calibration::describe;
@@ -39,6 +40,8 @@ pub(crate) struct Args {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    units: UnitsArgs,
+    #[command(flatten)]
     reading: LogArgs,
 }
 
@@ -55,7 +58,8 @@ impl Verb for Args {
         let files = Files::new().reads(&self.files).reads(&self.reading.setup.setup).writes(&self.windows);
         self.report.check_with(files)?;
         self.windows.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
-        let wanted = Wanted { reading: &self.reading, report: &self.report, windows: self.windows.as_deref() };
+        let (reading, windows) = (&self.reading, self.windows.as_deref());
+        let wanted = Wanted { reading, report: &self.report, units: self.units, windows };
         let [file] = self.files.as_slice() else {
             log::several(&self.files, &wanted, console)?;
             return Ok(Outcome::Done);
@@ -77,7 +81,8 @@ impl Verb for Args {
                     let calibration: Calibration = loading::calibration(file)?;
                     console
                         .say(format!("a calibration of {} by {}", calibration.serial, calibration.provenance.program));
-                    calibration.axes.iter().for_each(|axis| describe(console, axis));
+                    let units = self.units.over(&calibration.setup);
+                    calibration.axes.iter().for_each(|axis| describe(console, axis, units));
                     console.object(&calibration)?;
                 }
             },

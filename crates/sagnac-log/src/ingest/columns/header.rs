@@ -4,8 +4,9 @@ use std::collections::{BTreeMap, HashSet};
 
 use crate::error::{Error, Result};
 use crate::ingest::columns::number::{ISO_8601, SPREADSHEET_DAYS};
+use crate::setup::RateUnit;
+use sagnac_units::KELVIN_AT_0_C;
 use sagnac_units::format::controls;
-use sagnac_units::{DPH_PER_DPS, DPH_PER_RADPS, KELVIN_AT_0_C};
 
 /// Header prefix of the program's own compensated output.
 pub const COMPENSATED_PREFIX: &str = "compensated_";
@@ -15,7 +16,7 @@ pub const COMPENSATED_STAMP: &str = "# sagnac compensated";
 
 /// Recognised forms, for messages.
 pub const RECOGNISED: &str = "time_s|_ms|_us|_ns, time or timestamp (ISO 8601), temperature_c|_k[_name], counts[_x|_y|_z], \
-     rate_dph|_dps|_radps[_x|_y|_z], reference_rate_dps or table_angle_deg or table_mark, valid, aux_name";
+     rate_dph|_dps|_mdps|_radps[_x|_y|_z], reference_rate_dps or table_angle_deg or table_mark, valid, aux_name";
 
 /// Every recognised header and what its column holds, for the manual.
 pub const HEADERS: [(&str, &str); 11] = [
@@ -30,7 +31,7 @@ pub const HEADERS: [(&str, &str); 11] = [
     ("time_excel", "the same in days since 1899-12-30, as spreadsheets store dates: 45351.5; to about 0.1 ms"),
     ("temperature_c[_name], temperature_k[_name]", "a thermometer, in °C or K"),
     ("counts[_x, _y, _z]", "counts of the row, or a running total with `counter = \"cumulative\"`"),
-    ("rate_dph, rate_dps, rate_radps [_x, _y, _z]", "mean rate of the row in °/h, °/s or rad/s"),
+    ("rate_dph, rate_dps, rate_mdps, rate_radps [_x, _y, _z]", "mean rate of the row in °/h, °/s, m°/s or rad/s"),
     ("reference_rate_dps", "rate of the table under the gyro, °/s"),
     (
         "table_angle_deg",
@@ -191,13 +192,8 @@ fn temperature_role(header: &str, rest: &str) -> Result<Role> {
 
 fn rate_role(header: &str, rest: &str) -> Result<Role> {
     let (unit, axis) = rest.split_once('_').unwrap_or((rest, ""));
-    let dph_per_unit = match unit {
-        "dph" => 1.0,
-        "dps" => DPH_PER_DPS,
-        "radps" => DPH_PER_RADPS,
-        _ => return Err(unknown_unit(header, unit, "dph, dps, radps")),
-    };
-    Ok(Role::Rate { axis: axis_of(header, axis)?, dph_per_unit })
+    let unit = RateUnit::of_ending(unit).ok_or_else(|| unknown_unit(header, unit, "dph, dps, mdps, radps"))?;
+    Ok(Role::Rate { axis: axis_of(header, axis)?, dph_per_unit: unit.dph_per_unit() })
 }
 
 fn unknown_unit(header: &str, unit: &str, known: &str) -> Error {

@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 
 use crate::ingest::columns::header::{Role, role_of};
 use crate::ingest::columns::iso::iso_ns;
+pub use crate::setup::RATE_UNITS;
 
 /// Words for a time.
 pub const TIME: [&str; 10] =
@@ -34,12 +35,6 @@ pub const TIME_UNITS: &UnitSpellings = &[
 /// Of a temperature.
 pub const TEMPERATURE_UNITS: &UnitSpellings =
     &[(&["c", "°c", "degc", "deg c", "deg. c", "celsius", "grad c"], "c"), (&["k", "kelvin"], "k")];
-/// Of a rate.
-pub const RATE_UNITS: &UnitSpellings = &[
-    (&["°/h", "deg/h", "deg/hr", "dph", "°/hr"], "dph"),
-    (&["°/s", "deg/s", "dps", "deg/sec", "°/sec"], "dps"),
-    (&["rad/s", "radps", "rad/sec"], "radps"),
-];
 /// Of counts.
 pub(crate) const COUNT_UNITS: &UnitSpellings = &[(&["counts", "count", "cts", "pulses", "pulse", "1", "-", ""], "")];
 

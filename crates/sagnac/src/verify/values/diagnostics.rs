@@ -11,6 +11,7 @@
 //! √(2/n)·floor² for the variance, σ√(1/n₁ + 1/n₂) for steps, 1/√n for the correlation; of the hysteresis by the noise of the windows,
 //! slow noise too ([`super::noise`]).
 
+use sagnac_log::setup::RateUnit;
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::{Leg, WindowPoint, hysteresis_of};
@@ -51,19 +52,21 @@ pub struct ResidualDiagnostics {
 
 impl ResidualDiagnostics {
     /// Rows for people: what, its value, and what noise alone would show.
-    pub fn rows(&self) -> Vec<Vec<String>> {
+    pub fn rows(&self, units: RateUnit) -> Vec<Vec<String>> {
+        let name = units.name();
         let mut rows = Vec::new();
         let mut row = |name: &str, value: String, noise: String| rows.push(vec![name.to_owned(), value, noise]);
         if let Some(over) = self.over_floor_dph {
-            row("over the floor, °/h", significant(over, 2), "0".to_owned());
+            row(&format!("over the floor, {name}"), units.number(over, 2), "0".to_owned());
         }
         if let Some(legs) = self.hysteresis_dph {
-            let noise = format!("± {}", significant(2.0 * legs.sigma, 2));
-            row("hysteresis (heating minus cooling), °/h", with_sigma(legs.value, Some(legs.sigma)), noise);
+            let noise = format!("± {}", units.number(2.0 * legs.sigma, 2));
+            let value = units.with_sigma(legs.value, Some(legs.sigma));
+            row(&format!("hysteresis (heating minus cooling), {name}"), value, noise);
         }
         if let Some(gaps) = self.gap_steps {
-            let name = format!("steps across {}, rms, °/h", counted(gaps.gaps, "gap", "gaps"));
-            row(&name, significant(gaps.rms_dph, 2), significant(gaps.noise_dph, 2));
+            let name = format!("steps across {}, rms, {name}", counted(gaps.gaps, "gap", "gaps"));
+            row(&name, units.number(gaps.rms_dph, 2), units.number(gaps.noise_dph, 2));
         }
         if let Some(slow) = self.lag1_autocorrelation {
             let noise = format!("± {}", significant(2.0 * slow.sigma, 2));

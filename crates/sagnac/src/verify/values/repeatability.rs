@@ -13,7 +13,7 @@
 //!
 //! Needs the input rate, from the setup (`input_rate_dph`, `[earth]`): without it a difference of bias is none of the gyro's.
 
-use sagnac_units::format::{file_name, significant};
+use sagnac_units::format::file_name;
 use serde::{Deserialize, Serialize};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -21,7 +21,7 @@ use crate::calibration::{AxisCalibration, FixedBias, PpmEstimate};
 use crate::verify::values::judged_windows::Estimate;
 use crate::verify::values::rate_table::{PairedDrifts, ScaleProof};
 use crate::window::Windows;
-use sagnac_log::setup::{Setup, input_rate_hint};
+use sagnac_log::setup::{RateUnit, Setup, input_rate_hint};
 
 /// Stretches of a run whose means scatter.
 const STRETCHES: usize = 8;
@@ -82,13 +82,13 @@ pub struct BiasRepeatability {
 
 impl BiasRepeatability {
     /// The input rates in words: one where they agree, else both, for a wrong one is a bias.
-    pub fn input_text(&self) -> String {
+    pub fn input_text(&self, units: RateUnit) -> String {
         let [calibration, retest] =
-            [self.calibration_input_rate_dph, self.input_rate_dph].map(|dph| significant(dph, 5));
+            [self.calibration_input_rate_dph, self.input_rate_dph].map(|dph| units.text(dph, 5));
         if (self.calibration_input_rate_dph - self.input_rate_dph).abs() < SAME_INPUT_DPH {
-            format!("input rate {retest} °/h")
+            format!("input rate {retest}")
         } else {
-            format!("input rate {calibration} °/h in the calibration, {retest} °/h in the retest")
+            format!("input rate {calibration} in the calibration, {retest} in the retest")
         }
     }
 

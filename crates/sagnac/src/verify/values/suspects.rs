@@ -1,10 +1,11 @@
 //! Stretches of a retest that look like bumps, steps or start-up: reported with place and size, and judged like all others.
 
+use sagnac_log::setup::RateUnit;
 use serde::{Deserialize, Serialize};
 
 use crate::window::{Windows, suspected};
 use sagnac_log::ingest::Reason;
-use sagnac_units::format::{file_name, significant};
+use sagnac_units::format::file_name;
 use sagnac_units::s_from_ns;
 
 /// Windows on each side that a stretch is compared with.
@@ -31,10 +32,9 @@ pub struct Suspect {
 
 impl Suspect {
     /// `step of -0.31 °/h at 3.25 … 4.25 h of cycle.csv`.
-    pub fn words(&self) -> String {
+    pub fn words(&self, units: RateUnit) -> String {
         let what = self.reason.name().replace('_', " ");
-        let size =
-            self.size_dph.map_or_else(|| "unknown size".to_owned(), |dph| format!("{} °/h", significant(dph, 2)));
+        let size = self.size_dph.map_or_else(|| "unknown size".to_owned(), |dph| units.text(dph, 2));
         let file = file_name(&self.file);
         format!("{what} of {size} at {:.2} … {:.2} h of {file}", self.start_h, self.end_h)
     }

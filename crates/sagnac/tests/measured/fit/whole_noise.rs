@@ -6,6 +6,7 @@ use crate::support::fit;
 use sagnac::Calibration;
 use sagnac::notes::NoteLevel;
 use sagnac_log::ingest::Reason;
+use sagnac_log::setup::RateUnit;
 
 /// B over white noise of a window, log-uniform.
 fn b_dph(seed: u64, [least, most]: [f64; 2]) -> f64 {
@@ -18,7 +19,7 @@ fn calibrated(bench: &Bench<'_>, disturb: &dyn Fn(f64) -> f64) -> Calibration {
 
 /// The fit is said not to explain its log.
 fn alarms(record: &Calibration) -> bool {
-    let notes = record.axes[0].notes();
+    let notes = record.axes[0].notes(RateUnit::DegPerHour);
     notes.iter().any(|note| note.level == NoteLevel::Warning && note.text.contains("does not explain"))
 }
 
@@ -26,7 +27,8 @@ fn alarms(record: &Calibration) -> bool {
 fn names(record: &Calibration) -> bool {
     let left_out = record.axes[0].fit.as_ref().unwrap().excluded.iter();
     let of_steps = left_out.filter(|tally| [Reason::Step, Reason::LastingStep, Reason::Motion].contains(&tally.reason));
-    record.axes[0].notes().iter().any(|note| note.level == NoteLevel::Warning) || of_steps.count() > 0
+    record.axes[0].notes(RateUnit::DegPerHour).iter().any(|note| note.level == NoteLevel::Warning)
+        || of_steps.count() > 0
 }
 
 #[test]

@@ -9,7 +9,7 @@ use crate::support::{fit, reader};
 use sagnac::Limits;
 use sagnac::calibration::Calibration;
 use sagnac::verify::{AxisVerification, Correction, Proof, VerifyOptions, verify};
-use sagnac_log::setup::{Direction, Earth, Noise, PerAxis, Setup};
+use sagnac_log::setup::{Direction, Earth, Noise, PerAxis, RateUnit, Setup};
 
 pub(crate) fn proof(calibration: &Calibration, logs: Vec<impl Log>, options: VerifyOptions) -> Proof {
     let setup = Bench::setup();
@@ -117,7 +117,10 @@ fn a_unit_off_its_calibration_is_refused() {
         let setup = Setup { input_rate_dph: Some(input_dph.into()), ..Bench::setup() };
         let log = vec![reader(Bench::new(2, &usual).log(), &setup)];
         let found = verify(&correction, log, &setup, VerifyOptions::default()).unwrap();
-        assert_eq!(found.verification.axes[0].bias_repeatability.as_ref().unwrap().input_text(), said);
+        assert_eq!(
+            found.verification.axes[0].bias_repeatability.as_ref().unwrap().input_text(RateUnit::DegPerHour),
+            said
+        );
     }
     // Where neither retest nor calibration knows the input rate, the limit is not asked.
     let mut setup = Bench::setup();
