@@ -19,7 +19,7 @@ pub const TEMPERATURE: [&str; 10] =
 /// Words for a rate.
 pub const RATE: [&str; 8] = ["rate", "gyro", "omega", "drehrate", "gyr", "angrate", "vitesse", "velocidad"];
 /// Words that make a rate one of a table or a command.
-const NO_GYRO: [&str; 8] = ["table", "tisch", "reference", "ref", "command", "cmd", "target", "setpoint"];
+const NO_GYRO: [&str; 9] = ["table", "tisch", "reference", "ref", "input", "command", "cmd", "target", "setpoint"];
 /// Letters of axes.
 pub const AXES: [&str; 3] = ["x", "y", "z"];
 
