@@ -41,6 +41,7 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
         div class={ "verdict " (if accepted { "pass" } else { "fail" }) } { b.word { (word) ": " (judged.words()) (unjudged_bias(verification)) } }
         div.scroll { table {
             tr { td { "unit" } td.words { (verification.serial) } }
+            @for (name, value) in specified(verification) { (entry(name, value.as_deref())) }
             @for (name, value) in sheet.entries() { (entry(name, value)) }
             (entry("sensor", verification.sensor.as_deref()))
             (entry("rig", verification.rig.as_deref()))
@@ -66,6 +67,15 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
             tr { td { "program" } td.words { (verification.program) } }
         } }
     }
+}
+
+/// Customer, part with revision, and specification: as the limits file states them, else lines to fill in by hand.
+fn specified(verification: &Verification) -> [(&'static str, Option<String>); 3] {
+    let stated = verification.limits.as_ref().and_then(|limits| limits.specification.clone()).unwrap_or_default();
+    let revision = stated.revision.map(|revision| format!("revision {revision}"));
+    let part: Vec<String> = stated.part.into_iter().chain(revision).collect();
+    let part = (!part.is_empty()).then(|| part.join(", "));
+    [("customer", stated.customer), ("part, revision", part), ("specification", stated.number)]
 }
 
 /// Says next to the verdict that the bias was not judged.
@@ -95,21 +105,28 @@ fn covered(verification: &Verification) -> Vec<(String, String)> {
 
 /// Every limit with its verdict: on one page, whether of one axis or of three.
 pub(crate) fn limits(verification: &Verification) -> Markup {
+    let source = verification.limits.as_ref();
+    let paragraphs = source.and_then(|limits| Some(&limits.specification.as_ref()?.paragraphs));
+    let words = |key: &str| {
+        let (words, unit) = limit_words(key);
+        let paragraph = paragraphs.and_then(|all| all.get(key));
+        (paragraph.map_or(words.clone(), |paragraph| format!("{words} (§{paragraph})")), unit)
+    };
     let judged: Vec<&AxisVerification> = verification.axes.iter().filter(|axis| !axis.limits.is_empty()).collect();
     html! {
         @match judged.as_slice() {
             [] => {}
-            [axis] => { h3 { "Limits" } (limits_of_one(axis)) }
+            [axis] => { h3 { "Limits" } (limits_of_one(axis, words)) }
             axes => {
                 h3 { "Limits" }
-                (limits_of_all(axes))
+                (limits_of_all(axes, words))
             }
         }
     }
 }
 
 /// The limits of one axis with their margins.
-fn limits_of_one(axis: &AxisVerification) -> Markup {
+fn limits_of_one(axis: &AxisVerification, words_of: impl Fn(&str) -> (String, String)) -> Markup {
     let excluding = axis.excluded_fraction.is_some();
     html! {
         div.scroll { table {
@@ -119,31 +136,31 @@ fn limits_of_one(axis: &AxisVerification) -> Markup {
                 th { "margin" } th.words { "" }
             } }
             @for limit in &axis.limits {
-                @let (words, its_unit) = limit_words(&limit.name);
+                @let (words, its_unit) = words_of(&limit.name);
                 tr {
                     td.words { (words) } td.unit { (its_unit) } td { (significant(limit.limit, 4)) }
                     td { (limit.value_text()) }
                     @if excluding { td { (limit.value_of_every_row.map_or("-".to_owned(), |value| significant(value, 4))) } }
                     td { (limit.margin_text()) }
-                    (verdict_cell(limit))
+                    (verdict_cell(limit, axis.failing_place(&limit.name)))
                 }
             }
         } }
     }
 }
 
-fn verdict_cell(limit: &Verdict) -> Markup {
+fn verdict_cell(limit: &Verdict, place: Option<String>) -> Markup {
     html! {
         @match limit.pass {
             Some(true) => { td.pass.words { (limit.word()) } }
-            Some(false) => { td.fail.words { (limit.word()) } }
+            Some(false) => { td.fail.words { (limit.word()) @if let Some(place) = place { " " (place) } } }
             None => { td.unit { (limit.word()) } }
         }
     }
 }
 
 /// The limits of several axes, a column each.
-fn limits_of_all(axes: &[&AxisVerification]) -> Markup {
+fn limits_of_all(axes: &[&AxisVerification], words_of: impl Fn(&str) -> (String, String)) -> Markup {
     let mut names: Vec<&str> = Vec::new();
     for limit in axes.iter().flat_map(|axis| &axis.limits) {
         if !names.contains(&limit.name.as_str()) {
@@ -161,7 +178,7 @@ fn limits_of_all(axes: &[&AxisVerification]) -> Markup {
                 @for axis in axes { th { "axis " (axis.axis) } }
             } }
             @for name in names {
-                @let (words, its_unit) = limit_words(name);
+                @let (words, its_unit) = words_of(name);
                 @let bound = axes.iter().find_map(|axis| judged(axis, name)).map_or(f64::NAN, |limit| limit.limit);
                 tr {
                     td.words { (words) @if !its_unit.is_empty() { ", " (its_unit) } } td { (significant(bound, 4)) }
@@ -169,7 +186,7 @@ fn limits_of_all(axes: &[&AxisVerification]) -> Markup {
                         @match judged(axis, name) {
                             Some(limit) => {
                                 td class=(match limit.pass { Some(true) => "judged pass", Some(false) => "judged fail", None => "judged" }) {
-                                    (limit.value_text()) br; span.verdict-word { (limit.word()) }
+                                    (limit.value_text()) br; span.verdict-word { (limit.word()) @if let Some(place) = axis.failing_place(name) { " " (place) } }
                                 }
                             }
                             None => { td { "-" } }
@@ -219,7 +236,8 @@ pub(crate) fn remarks(verification: &Verification) -> Markup {
         @for (axes, words) in &unasked {
             p.note { @if several && axes.split(", ").count() < verification.axes.len() { "Axis " (axes) ": " } (words) }
         }
-        p.note { "Guarded: met where the value and 1.645 of its standard errors (±) are within the bound, not met where both are beyond it, else not decided. Simple: the value alone decides. Margin: the distance to the bound, as a fraction of it." }
+        @if let Some(rule) = verification.limits.as_ref().and_then(|limits| limits.decision) { p.note { "Decision rule applied: " (rule.words()) } }
+        @if !several { p.note { "Margin: the distance to the bound, as a fraction of it." } }
     }
 }
 
@@ -239,11 +257,7 @@ pub(crate) fn residual(axis: &AxisVerification) -> Markup {
     let estimate = |e: Estimate| with_sigma(e.value, Some(e.sigma));
     let mut rows: Vec<(String, String, &str)> = Vec::new();
     if let Some(p) = left.plateaus {
-        let name = format!(
-            "farthest of {} plateaus from the mean, at {} °C",
-            p.plateaus,
-            celsius(p.worst_offset_temperature_c)
-        );
+        let name = format!("largest plateau offset of {}, at {} °C", p.plateaus, celsius(p.worst_offset_temperature_c));
         rows.push((name, estimate(p.worst_offset_dph), "°/h"));
         rows.push(("largest σ within a plateau".to_owned(), significant(p.worst_sigma_dph, 3), "°/h"));
     }

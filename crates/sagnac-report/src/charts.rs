@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use crate::figure::{DASHES, Figure, Layer, Role, SOLID, rounded};
-use crate::page::{page, shown};
+use crate::page::{all_shown, page};
 use crate::report::Report;
 use sagnac_log::error::Result;
 
@@ -215,9 +215,9 @@ pub fn chart_report(content: &ChartPage) -> Result<Report> {
         }
         @for note in &content.notes { p.note { (note) } }
         @for result in &content.results { (table(result)) }
-        @for figure in drawn.iter().take(1) { (shown(figure)) }
+        (all_shown(&drawn[..drawn.len().min(1)]))
         @for remark in &content.remarks { p.note { (remark) } }
-        @for figure in drawn.iter().skip(1) { (shown(figure)) }
+        (all_shown(drawn.get(1..).unwrap_or_default()))
         @for data in &content.tables { (table(data)) }
         @for entry in &content.entries {
             section.entry id=(entry.id) {

@@ -207,10 +207,6 @@ impl Figure {
         }
         self.x = xs.padded(0.02)?;
         self.y = ys.padded(0.06)?;
-        if let Some(top) = self.highest_bar().filter(|top| self.y[1] > 2.0 * top) {
-            // A line far above the bars would leave nothing to be seen of them.
-            self.y = [-0.08 * top, 1.6 * top];
-        }
         self.clip_shades();
         Some(self)
     }
@@ -230,14 +226,6 @@ impl Figure {
             }
         }
         out
-    }
-
-    fn highest_bar(&self) -> Option<f64> {
-        let heights = self.layers.iter().find_map(|layer| match layer {
-            Layer::Bars { heights, .. } => Some(heights),
-            _ => None,
-        });
-        heights.map(|heights| heights.iter().copied().fold(0.0, f64::max))
     }
 
     fn clip_shades(&mut self) {

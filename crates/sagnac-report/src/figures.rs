@@ -14,6 +14,8 @@ use sagnac_units::format::{on_scale, significant};
 const MOST_POINTS: usize = 1800;
 /// Points of a curve.
 const CURVE_POINTS: usize = 121;
+/// A curve of noise no higher than so many bars leaves something of them to be seen.
+const MOST_PEAK: f64 = 1.6;
 /// Two-sided 95 % of a normal.
 const TWO_SIGMA: f64 = 1.96;
 
@@ -158,7 +160,7 @@ pub(crate) fn effect(report_data: &ReportData, axis: char, place: usize, effect:
         }
     };
     let caption = format!(
-        "Each point is a window less everything that the fit lays to other causes; bars are means of bins with twice their own σ. They lie on the terms where these say what the data say. Zero at {zero}.{words}"
+        "Each point: one window, other effects removed. Bars: means of bins with twice their own σ. Bars on the line mean that the model fits. Zero at {zero}.{words}"
     );
     let mut out =
         figure(axis, &format!("effect-{place}"), &title, caption, [&x_label, y_label], &format!("effect-{place}"));
@@ -333,7 +335,7 @@ fn runs_in_words(report_data: &ReportData) -> String {
 /// Before and after against temperature.
 pub(crate) fn over_temperature(report_data: &ReportData, axis: &AxisReportData, wording: &Wording) -> Option<Figure> {
     let (shown, words) = thinned(report_data, used(axis));
-    let caption = format!("The residual should be a level cloud as wide as the noise.{words}");
+    let caption = format!("The residual is to be a level cloud as wide as the noise.{words}");
     let title = "Before and after against temperature";
     let mut out = figure(axis.axis, "temperature", title, caption, ["temperature, °C", "drift, °/h"], "temperature");
     out.layers.push(dots(wording.before, Role::Before, shown.iter().map(|p| (p.temperature_c, p.before_dph))));
@@ -341,30 +343,70 @@ pub(crate) fn over_temperature(report_data: &ReportData, axis: &AxisReportData, 
     out.drop_empty().framed(true)
 }
 
+/// The residual alone, heating and cooling apart, with the reach of noise.
+pub(crate) fn residual(report_data: &ReportData, axis: &AxisReportData, floor_dph: Option<f64>) -> Option<Figure> {
+    let (shown, words) = thinned(report_data, used(axis));
+    let of_noise =
+        if floor_dph.is_some() { " Noise alone leaves 95 % of the points between the broken lines." } else { "" };
+    let caption = format!(
+        "Each point is a window after the correction.{of_noise} A slope or a loop is drift that remains.{words}"
+    );
+    let labels = ["temperature, °C", "residual, °/h"];
+    let mut out = figure(axis.axis, "residual", "Residual against temperature", caption, labels, "temperature");
+    for (label, role, leg) in LEGS {
+        let of_leg = shown.iter().filter(|p| p.leg() == leg).map(|p| (p.temperature_c, p.after_dph));
+        out.layers.push(dots(label, role, of_leg));
+    }
+    let ends = |pick: fn(f64, f64) -> f64| shown.iter().map(|p| p.temperature_c).reduce(pick);
+    if let (Some(floor), Some(lo), Some(hi)) = (floor_dph, ends(f64::min), ends(f64::max)) {
+        for edge in [-TWO_SIGMA * floor, TWO_SIGMA * floor] {
+            out.layers.push(line("95 % of noise alone", Role::Floor, &[lo, hi], vec![edge; 2], true));
+        }
+    }
+    out.drop_empty().framed(true)
+}
+
 /// Residuals next to the noise floor.
 pub(crate) fn histogram(axis: &AxisReportData, floor_dph: Option<f64>) -> Option<Figure> {
     let values: Vec<f64> = used(axis).map(|p| p.after_dph).filter(|v| v.is_finite()).collect();
-    let (edges, heights) = binned(&values)?;
+    histogram_of(axis.axis, &values, floor_dph)
+}
+
+fn histogram_of(axis: char, values: &[f64], floor_dph: Option<f64>) -> Option<Figure> {
+    let (edges, heights) = binned(values)?;
+    let width = edges[1] - edges[0];
+    let (lo, hi) = (edges[0], edges[edges.len() - 1]);
+    let highest = heights.iter().copied().fold(0.0, f64::max);
+    // The peak of a normal of σ = floor. Where it towers over the bars, noise is a narrow band among them.
+    let peak = |floor: f64| values.len() as f64 * width / (floor * std::f64::consts::TAU.sqrt());
+    let is_curve = |floor: f64| peak(floor) <= MOST_PEAK * highest;
     let caption = match floor_dph {
-        Some(floor) => format!(
+        Some(floor) if is_curve(floor) => format!(
             "Bars: windows per bin. Line: {} windows of noise alone, σ = {} °/h (the floor).",
             values.len(),
+            significant(floor, 3)
+        ),
+        Some(floor) => format!(
+            "Bars: windows per bin. Shaded: 95 % of noise alone, σ = {} °/h (the floor).",
             significant(floor, 3)
         ),
         None => "The noise floor of this log is not known, so the bars have no reference.".to_owned(),
     };
     let title = if floor_dph.is_some() { "Residual, next to the noise floor" } else { "Residual" };
-    let mut out = figure(axis.axis, "histogram", title, caption, ["residual, °/h", "windows"], "histogram");
-    let width = edges[1] - edges[0];
-    let (lo, hi) = (edges[0], edges[edges.len() - 1]);
+    let mut out = figure(axis, "histogram", title, caption, ["residual, °/h", "windows"], "histogram");
+    let shade = |floor: &f64| [[-TWO_SIGMA * floor, TWO_SIGMA * floor]];
+    out.layers.extend(floor_dph.as_ref().filter(|floor| !is_curve(**floor)).map(|floor| Layer::Shades {
+        label: "95 % of noise alone".to_owned(),
+        role: Role::Floor,
+        stretches: shade(floor).to_vec(),
+    }));
     let bars = Layer::Bars { label: "residual".to_owned(), role: Role::After, edges: rounded(edges), heights };
     out.layers.push(bars);
-    if let Some(floor) = floor_dph {
+    if let Some(floor) = floor_dph.filter(|floor| is_curve(*floor)) {
         let reach = (4.0 * floor).max(lo.abs()).max(hi.abs()).min(8.0 * floor.max((hi - lo) / 8.0));
         let x: Vec<f64> =
             (0..CURVE_POINTS).map(|i| reach * (2.0 * i as f64 / (CURVE_POINTS - 1) as f64 - 1.0)).collect();
-        let scale = values.len() as f64 * width / (floor * std::f64::consts::TAU.sqrt());
-        let y = x.iter().map(|x| scale * (-0.5 * (x / floor).powi(2)).exp()).collect();
+        let y = x.iter().map(|x| peak(floor) * (-0.5 * (x / floor).powi(2)).exp()).collect();
         out.layers.push(line("noise alone", Role::Floor, &x, y, false));
     }
     out.framed(true)
@@ -504,5 +546,29 @@ impl Figure {
     fn drop_empty(mut self) -> Self {
         self.layers.retain(|layer| !matches!(layer, Layer::Dots { x, .. } | Layer::Line { x, .. } if x.is_empty()));
         self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Whatever the floor, the frame of the histogram holds its bars and its curve.
+    #[test]
+    fn a_histogram_stays_in_its_frame() {
+        let values: Vec<f64> = (0..500).map(|at| (f64::from(at) / 100.0).sin()).collect();
+        for floor in [1e-3, 0.1, 0.5, 1.0, 10.0] {
+            let drawn = histogram_of('x', &values, Some(floor)).unwrap();
+            let inside = |range: [f64; 2], values: &[f64]| values.iter().all(|v| (range[0]..=range[1]).contains(v));
+            for layer in &drawn.layers {
+                match layer {
+                    Layer::Bars { edges, heights, .. } => assert!(inside(drawn.x, edges) && inside(drawn.y, heights)),
+                    Layer::Line { x, y, .. } => assert!(inside(drawn.x, x) && inside(drawn.y, y), "{floor}"),
+                    Layer::Shades { stretches, .. } => assert!(inside(drawn.x, &stretches[0]), "{floor}"),
+                    other => panic!("{other:?}"),
+                }
+            }
+            assert_eq!(drawn.layers.len(), 2, "bars, and the curve or the reach of noise: {floor}");
+        }
     }
 }

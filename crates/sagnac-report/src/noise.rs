@@ -22,12 +22,13 @@ pub fn noise_report(budget: &NoiseBudget) -> Result<Report> {
         remarks: notes(budget),
         ..ChartPage::default()
     };
+    page.results.push(terms_of_all(&budget.axes));
     if budget.axes.len() > 1 {
         page.charts.push(all_axes(&budget.axes));
     }
     page.charts.extend(budget.axes.iter().map(allan_chart));
     page.charts.extend(budget.axes.iter().filter_map(hadamard_chart));
-    page.tables.extend(budget.axes.iter().map(terms_table));
+    page.tables.extend(budget.axes.iter().filter_map(unresolved_table));
     page.tables.extend(budget.axes.iter().map(curve_table));
     let inputs = budget.inputs.iter().map(|i| vec![file_name(&i.file), i.rows.to_string(), i.sha256.clone()]);
     page.tables.push(table("Provenance", ["log", "rows", "SHA-256"], inputs));
@@ -68,7 +69,7 @@ fn all_axes(axes: &[AxisBudget]) -> Chart {
     Chart {
         id: "allan".to_owned(),
         group: "tau".to_owned(),
-        title: "How quiet is each axis?".to_owned(),
+        title: "Allan deviation of all axes".to_owned(),
         caption: "Overlapping Allan deviation of every axis; each band holds 95 % at each τ.".to_owned(),
         x_label: "averaging time τ, s".to_owned(),
         y_label: "deviation, °/h".to_owned(),
@@ -166,17 +167,35 @@ pub fn term_text(value: &TermValue, factor: f64) -> [String; 2] {
     }
 }
 
-fn terms_table(axis: &AxisBudget) -> PageTable {
+/// Every term with its 95 % interval, a column per axis.
+fn terms_of_all(axes: &[AxisBudget]) -> PageTable {
+    let cell = |axis: &AxisBudget, term: AllanTerm| match term_text(axis.terms.get(term), 1.0) {
+        [value, interval] if value == "-" => interval,
+        [value, interval] => format!("{value} ({interval})"),
+    };
     let rows = AllanTerm::ALL.iter().map(|term| {
         let (name, unit) = term.name();
-        let [value, interval] = term_text(axis.terms.get(*term), 1.0);
-        let why = match axis.terms.get(*term) {
-            TermValue::Unresolved { unresolved } => unresolved.clone(),
-            TermValue::Found { .. } => String::new(),
-        };
-        vec![name.to_owned(), unit.to_owned(), value, interval, why]
+        let cells = axes.iter().map(|axis| cell(axis, *term));
+        [name.to_owned(), unit.to_owned()].into_iter().chain(cells).collect()
     });
-    table(&format!("Terms of axis {}", axis.axis), ["term", "unit", "value", "95 % interval", ""], rows)
+    let columns = axes.iter().map(|axis| format!("axis {}", axis.axis));
+    PageTable {
+        heading: "Noise terms, with 95 % intervals".to_owned(),
+        columns: ["term", "unit"].map(str::to_owned).into_iter().chain(columns).collect(),
+        rows: rows.collect(),
+        ..PageTable::default()
+    }
+}
+
+/// Why terms of an axis are missing.
+fn unresolved_table(axis: &AxisBudget) -> Option<PageTable> {
+    let reason = |term: &AllanTerm| match axis.terms.get(*term) {
+        TermValue::Unresolved { unresolved } => Some(vec![term.name().0.to_owned(), unresolved.clone()]),
+        TermValue::Found { .. } => None,
+    };
+    let rows: Vec<Vec<String>> = AllanTerm::ALL.iter().filter_map(reason).collect();
+    let heading = format!("Not resolvable, axis {}", axis.axis);
+    (!rows.is_empty()).then(|| table(&heading, ["term", "reason"], rows.into_iter()))
 }
 
 fn curve_table(axis: &AxisBudget) -> PageTable {
@@ -233,7 +252,7 @@ fn allan_chart(axis: &AxisBudget) -> Chart {
     Chart {
         id: format!("allan-{}", axis.axis),
         group: "tau".to_owned(),
-        title: format!("Which noise rules at which averaging time, axis {}?", axis.axis),
+        title: format!("Allan deviation, axis {}", axis.axis),
         caption: format!("Terms: {values}. Dashed: each term alone. The band holds 95 % at each τ."),
         x_label: "averaging time τ, s".to_owned(),
         y_label: "deviation, °/h".to_owned(),
@@ -274,7 +293,7 @@ fn hadamard_chart(axis: &AxisBudget) -> Option<Chart> {
     (!shown.is_empty()).then(|| Chart {
         id: format!("hadamard-{}", axis.axis),
         group: "tau".to_owned(),
-        title: format!("Does a steady ramp of the rate make the long end, axis {}?", axis.axis),
+        title: format!("Hadamard deviation, axis {}", axis.axis),
         caption: "The Hadamard deviation does not see a steady ramp. Rate random walk alone brings it to 0.71 of the Allan deviation: only where it is well below that does a ramp make the difference.".to_owned(),
         x_label: "averaging time τ, s".to_owned(),
         y_label: "deviation, °/h".to_owned(),

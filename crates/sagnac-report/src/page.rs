@@ -10,6 +10,7 @@ use crate::sheet::Sheet;
 use crate::{acceptance, figures, svg, terms};
 use sagnac::calibration::{AxisCalibration, Calibration, LogFile, LogUnit, PpmEstimate, UNASSIGNED};
 use sagnac::diagnostics::{AxisReportData, ReportData};
+use sagnac::model::ModelSpec;
 use sagnac::notes::{Note, NoteAbout, NoteLevel};
 use sagnac::verify::{AxisVerification, Correction, DriftValues, Judged, REPEATED_PROFILE, ScaleValues, Verification};
 use sagnac_log::error::{Error, Result};
@@ -48,7 +49,7 @@ pub fn calibration_report(calibration: &Calibration, report_data: &ReportData) -
             @if several { h2.axis { "Axis " (axis.axis) } }
             @if let Some(points) = report_data.axes.iter().find(|points| points.axis == axis.axis) {
                 @let all = fit_figures(report_data, points, axis);
-                @for figure in &all { (shown(figure)) }
+                (all_shown(&all))
                 @let () = drawn.extend(all);
             }
             (terms::coefficients(axis))
@@ -89,6 +90,7 @@ pub fn verification_report(
             (acceptance::remarks(verification))
         }
         @for axis in &verification.axes { (proof_verdict(axis, several)) }
+        @if judged { h2.annex { "Annex: figures and tables of each axis" } }
         @for axis in &verification.axes {
             @if several { h2.axis { "Axis " (axis.axis) } }
             (before_after(axis, verification))
@@ -99,7 +101,7 @@ pub fn verification_report(
             (left(axis))
             @if let Some(points) = report_data.axes.iter().find(|points| points.axis == axis.axis) {
                 @let all = proof_figures(report_data, points, axis);
-                @for figure in &all { (shown(figure)) }
+                (all_shown(&all))
                 @let () = drawn.extend(all);
             }
             @if let Some(record) = calibration.and_then(|c| c.axes.iter().find(|a| a.axis == axis.axis)) {
@@ -115,7 +117,8 @@ pub fn verification_report(
             tr { td { "SHA-256 of the images" } td.hash { (verification.image_sha256) } }
         } }
     };
-    page(&format!("{} {}", if judged { "Acceptance" } else { "Proof" }, verification.serial), &body, drawn)
+    let document = sheet.document.as_deref().filter(|_| judged).map_or(String::new(), |number| format!("{number}: "));
+    page(&format!("{document}{} {}", if judged { "Acceptance" } else { "Proof" }, verification.serial), &body, drawn)
 }
 
 /// Everything into one file. A control character of a record or a log is shown as its number, wherever it comes from.
@@ -173,6 +176,11 @@ fn footer(title: &str) -> String {
     format!(
         "@page {{ @bottom-left {{ content: \"{title}\"; font: 8pt sans-serif; color: #4a505b }} @bottom-right {{ content: counter(page) \" / \" counter(pages); font: 8pt sans-serif; color: #4a505b }} }}"
     )
+}
+
+/// Figures in one column, or in two where the screen is wide.
+pub(crate) fn all_shown(figures: &[Figure]) -> Markup {
+    html! { @if !figures.is_empty() { div.figures { @for figure in figures { (shown(figure)) } } } }
 }
 
 /// A figure on the page: heading, legend, drawing, caption.
@@ -253,6 +261,7 @@ fn both_sides(
         figures::over_time(report_data, points, words),
         figures::profile(report_data, points),
         figures::over_temperature(report_data, points, words),
+        figures::residual(report_data, points, floor_dph),
         figures::histogram(points, floor_dph),
         figures::hysteresis(points, words),
     ];
@@ -281,29 +290,42 @@ fn axis_word(axis: char, several: bool) -> String {
     if several { format!("Axis {axis}: ") } else { String::new() }
 }
 
+/// `drift reduced 94 times; remaining 8.3 °/h, 1.02 times the noise floor`.
+fn reduced(times: f64, remaining_dph: f64, floor_dph: Option<f64>) -> String {
+    let digits = if times < 10.0 { 2 } else { 3 };
+    let floor = floor_dph.map_or("; the noise floor is not known".to_owned(), |floor| {
+        format!(", {} times the noise floor", significant(remaining_dph / floor, 3))
+    });
+    format!(
+        "drift reduced {} times; remaining {} °/h{floor}",
+        significant(times, digits),
+        significant(remaining_dph, 3)
+    )
+}
+
 fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) -> Markup {
     let held_out = axis.cross_validation().map(|cv| cv.sigma_dph);
     let floor = axis.noise_floor().map(|floor| floor.value_dph);
     let points = report_data.axes.iter().find(|points| points.axis == axis.axis);
     let used = points.map_or(0, |p| p.points.iter().filter(|p| p.excluded.is_none()).count());
     let all = points.map_or(0, |p| p.points.len());
-    let word = match (held_out, floor) {
-        (Some(held_out), Some(floor)) => {
-            let ratio = held_out / floor;
-            let times = if ratio < 2.0 { "of" } else { "times" };
-            format!("leaves {} {times} the noise floor on held-out data", significant(ratio, 3))
-        }
-        (Some(_), None) => "fitted; the noise floor of this log is not known".to_owned(),
+    let logged = points.and_then(AxisReportData::logged_sigma_dph);
+    let word = match (held_out, logged) {
+        (Some(held_out), Some(logged)) => reduced(logged / held_out, held_out, floor),
+        (Some(_), None) => "fitted; no run has two windows to compare with".to_owned(),
         (None, _) if axis.fit.as_ref().is_some_and(|fit| fit.prior.is_some()) => {
             "fitted with the prior of its fleet; nothing is held out of so short a test".to_owned()
         }
         (None, _) => "not fitted here".to_owned(),
     };
+    let model = axis.correction.model.parse::<ModelSpec>().map_or(axis.correction.model.clone(), |spec| spec.words());
     html! {
         div.verdict {
-            b.word { (axis_word(axis.axis, several)) code { (axis.correction.model) } " " (word) }
+            b.word { (axis_word(axis.axis, several)) (word) }
+            p.note { "Model: " (model) " (" code { (axis.correction.model) } ")." }
             div.tiles {
-                @if let Some(value) = held_out { (tile("held-out σ", &significant(value, 3), "°/h")) }
+                @if let Some(value) = logged { (tile("drift as logged, σ", &significant(value, 3), "°/h")) }
+                @if let Some(value) = held_out { (tile("on unseen data, σ", &significant(value, 3), "°/h")) }
                 @if let Some(value) = floor { (tile("noise floor of a window", &significant(value, 3), "°/h")) }
                 @if let Some(residual) = axis.residual() { (tile("σ of the fit's residuals", &significant(residual.sigma_dph, 3), "°/h")) }
                 (tile("span", &format!("{:.1} … {:.1}", axis.span_c()[0], axis.span_c()[1]), "°C"))
@@ -322,16 +344,15 @@ fn said(note: &Note) -> Markup {
 }
 
 fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
-    let left = axis.noise_floor.as_ref().map_or("the noise floor is not known".to_owned(), |floor| {
-        format!("σ after correction is {} of the noise floor", significant(axis.after.sigma_dph / floor.value_dph, 3))
-    });
-    let moved = |f: &DriftValues| significant(f.peak_to_peak * f.dph_per_unit(), 3);
-    let gained = format!("max − min {} → {} °/h", moved(&axis.before), moved(&axis.after));
+    let floor = axis.noise_floor.as_ref().map(|floor| floor.value_dph);
+    let gained = axis.improvement_sigma.map_or_else(
+        || format!("remaining {} °/h", significant(axis.after.sigma_dph, 3)),
+        |times| reduced(times, axis.after.sigma_dph, floor),
+    );
     let class = axis.pass.map_or("", |pass| if pass { "pass" } else { "fail" });
     let word = match axis.pass {
-        Some(_) if several => format!("{}; {left}", Judged::of(&axis.limits).words()),
-        Some(_) => left,
-        None => format!("{gained}; {left}"),
+        Some(_) if several => format!("{}; {gained}", Judged::of(&axis.limits).words()),
+        _ => gained,
     };
     let times = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |r| significant(r, 3));
     html! {

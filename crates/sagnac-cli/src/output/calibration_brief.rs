@@ -68,7 +68,7 @@ fn verdict(calibration: &Calibration, report_data: &ReportData) -> String {
 }
 
 fn row(axis: &AxisCalibration, drawn: &AxisReportData, units: RateUnit) -> Vec<String> {
-    let logged_dph = logged_dph(drawn);
+    let logged_dph = drawn.logged_sigma_dph();
     let unseen_dph = axis.cross_validation().map(|held_out| held_out.sigma_dph);
     let shown = |value: Option<f64>| value.map_or("-".to_owned(), |dph| units.text(dph, 3));
     let reduction = logged_dph.zip(unseen_dph).filter(|(_, after)| *after > 0.0).map(|(before, after)| before / after);
@@ -81,25 +81,6 @@ fn row(axis: &AxisCalibration, drawn: &AxisReportData, units: RateUnit) -> Vec<S
         curve_error_dph(axis).map_or("-".to_owned(), |half| format!("± {}", units.text(half, 2))),
         model,
     ]
-}
-
-/// σ of the used windows about their run's mean, °/h.
-fn logged_dph(drawn: &AxisReportData) -> Option<f64> {
-    let used: Vec<(usize, f64)> = drawn
-        .points
-        .iter()
-        .filter(|point| point.after_dph.is_finite() && point.before_dph.is_finite())
-        .map(|point| (point.run, point.before_dph))
-        .collect();
-    let runs: Vec<&[(usize, f64)]> = used.chunk_by(|a, b| a.0 == b.0).collect();
-    let square: f64 = runs
-        .iter()
-        .map(|run| {
-            let mean = run.iter().map(|(_, dph)| dph).sum::<f64>() / run.len() as f64;
-            run.iter().map(|(_, dph)| (dph - mean).powi(2)).sum::<f64>()
-        })
-        .sum();
-    (used.len() > runs.len()).then(|| (square / (used.len() - runs.len()) as f64).sqrt())
 }
 
 /// Largest half width of the 95 % interval of the curve, °/h.

@@ -189,26 +189,8 @@ fn row(verification: &Verification, name: &str, verdicts: &[&Verdict], units: Ra
     [format!("{mark}{}", label.trim_end_matches(", fraction")), limit]
         .into_iter()
         .chain(cells)
-        .chain([place(verification, name)])
+        .chain([verification.axes.iter().find_map(|axis| axis.failing_place(name)).unwrap_or_default()])
         .collect()
-}
-
-/// Where the worst value of a limit is.
-fn place(verification: &Verification, name: &str) -> String {
-    let failing =
-        verification.axes.iter().filter(|axis| axis.limit(name).is_some_and(|limit| limit.pass == Some(false)));
-    match name {
-        "plateau_offset_dph_max" => failing
-            .filter_map(|axis| axis.residual.plateaus)
-            .map(|plateaus| format!("at {:.0} °C", plateaus.worst_offset_temperature_c))
-            .next()
-            .unwrap_or_default(),
-        _ => failing
-            .filter_map(|axis| axis.limit(name)?.run.clone())
-            .map(|run| format!("in {run}"))
-            .next()
-            .unwrap_or_default(),
-    }
 }
 
 /// `13 met, 3 not asked (needs a retest on a rate table)`.

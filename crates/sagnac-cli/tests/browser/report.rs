@@ -87,9 +87,11 @@ setTimeout(() => {
     const text = walk.currentNode.nodeValue.trim(), e = walk.currentNode.parentElement;
     if (text && e.checkVisibility() && !["SCRIPT", "STYLE"].includes(e.tagName)) texts.push(text);
   }
+  const lefts = [...document.querySelectorAll(".figures figure")].map((e) => Math.round(e.getBoundingClientRect().left));
+  const columns = new Set(lefts).size;
   const answer = document.createElement("pre");
   answer.id = "answer";
-  answer.textContent = JSON.stringify({ clipped, measured, texts, wrong, width: root.clientWidth });
+  answer.textContent = JSON.stringify({ columns, clipped, measured, texts, wrong, width: root.clientWidth });
   // To the page around this one, whenever it is ready: a busy machine takes its time.
   parent.document.body.append(answer);
 }, 300);
@@ -185,6 +187,10 @@ fn nothing_is_clipped_at_any_width() {
             let answer = measured(chromium, &report, width, &[]);
             assert_eq!(answer["clipped"], serde_json::json!([]), "{name} at {width}");
             assert_eq!(answer["wrong"], serde_json::json!([]), "{name} at {width}");
+            // Reports of several figures in a row have two columns of them on a large screen.
+            let columns = if width >= 1600 && !["survey", "compare", "noise"].contains(&name) { 2 } else { 1 };
+            assert!(answer["columns"] == columns || columns == 1, "{name} at {width}: {}", answer["columns"]);
+            assert!(width >= 1600 || answer["columns"].as_u64().unwrap() <= 1, "{name} at {width}");
             // Less a bar for scrolling.
             let seen = answer["width"].as_u64().unwrap();
             assert!(
@@ -287,7 +293,10 @@ fn an_acceptance_of_three_axes_is_signed_on_its_first_page() {
                  rig = \"thermal chamber 2, rate table of the old laboratory, pier 4, Munich\"\narcsec_per_count = 0.15125\n";
     std::fs::write(at.join("bench.toml"), setup).unwrap();
     let limits = std::fs::read_to_string(testdata("chamber/acceptance.toml")).unwrap();
-    std::fs::write(at.join("limits.toml"), format!("base = \"navigation-grade\"\n{limits}")).unwrap();
+    let specification = "[specification]\ncustomer = \"Example Aerospace\"\npart = \"4711-23\"\nrevision = \"C\"\n\
+                         number = \"SPEC-1044 issue 2\"\nparagraphs = { arw_deg_rt_h_max = \"3.3.7\" }\n";
+    let limits = format!("base = \"navigation-grade\"\n{limits}\n{specification}");
+    std::fs::write(at.join("limits.toml"), limits).unwrap();
     sagnac(at, &["calibrate", "a.csv", "--setup", "bench.toml", "--model", "bias 3, rate 0", "-o", "3.json"]);
     let head = ["--document", "T-104", "--operator", "A. N. Other", "--test-date", "2026-11-20"];
     let verify = ["verify", "3.json", "b.csv", "--limits", "limits.toml", "--json", "--report", "axes.html"];
@@ -298,6 +307,16 @@ fn an_acceptance_of_three_axes_is_signed_on_its_first_page() {
     let (report, limits) = (at.join("axes.html"), &found["axes"][0]["limits"]);
     let seen = |report: &Path| {
         let pages = pages(chromium, report);
+        assert!(pages.iter().all(|page| page.contains("T-104:AcceptanceRLG-3")), "a page lacks the document's number");
+        for words in ["ExampleAerospace", "4711-23,revisionC", "SPEC-1044issue2", "(§3.3.7)"] {
+            assert!(without_blanks(&pages[0]).contains(words), "{words}: {}", pages[0]);
+        }
+        // The verdict and what it says stand on two pages; the rest is an annex.
+        let annex = pages.iter().position(|page| page.contains("Annex:")).unwrap();
+        assert!(
+            annex <= 2 && pages[..annex].iter().any(|page| page.contains("Decisionruleapplied:guarded")),
+            "{annex}"
+        );
         let answer = measured(chromium, &for_paper(report), PAPER_PX, &[]);
         assert!(answer["measured"].as_u64().unwrap() > 200, "{answer}");
         (lacking(&pages[0], limits), lost(&answer, &pages), answer["clipped"].clone())

@@ -69,6 +69,21 @@ pub struct AxisReportData {
     pub effects: Vec<Effect>,
 }
 
+impl AxisReportData {
+    /// σ of the used windows about their run's mean as logged, °/h; `None` where no run has two.
+    pub fn logged_sigma_dph(&self) -> Option<f64> {
+        let is_used = |point: &&WindowPoint| point.after_dph.is_finite() && point.before_dph.is_finite();
+        let used: Vec<&WindowPoint> = self.points.iter().filter(is_used).collect();
+        let runs: Vec<&[&WindowPoint]> = used.chunk_by(|a, b| a.run == b.run).collect();
+        let square = |run: &&[&WindowPoint]| {
+            let mean = run.iter().map(|point| point.before_dph).sum::<f64>() / run.len() as f64;
+            run.iter().map(|point| (point.before_dph - mean).powi(2)).sum::<f64>()
+        };
+        let freedom = used.len() - runs.len();
+        (freedom > 0).then(|| (runs.iter().map(square).sum::<f64>() / freedom as f64).sqrt())
+    }
+}
+
 /// What of an input an effect is a function of, or what it changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum EffectOf {

@@ -17,7 +17,7 @@ pub use flight::position::{Corner, Flight, FlightAxis, Gyrocompass, HeadingError
 pub use flight::strapdown::{Channel, Strapdown, noise_m, positions_m};
 pub use limits::file::SETS;
 pub use limits::judge::Proof;
-pub use limits::source::LimitsSource;
+pub use limits::source::{LimitsSource, Specification};
 pub use limits::table::{Applies, Bound, LimitSpec, Limits, SPECS};
 pub use limits::unanswered::{Unanswered, unanswered};
 pub use limits::verdict::{DecisionRule, Judged, Verdict};

@@ -35,7 +35,8 @@ impl Limits {
         let limits = Self::parse(text).map_err(|e| e.file(name))?;
         let set = SETS.iter().find(|(set, _)| limits.base.as_deref() == Some(*set));
         let base = set.map(|(set, text)| Box::new(LimitsSource::of(set, text)));
-        Ok(Self { source: LimitsSource { base, ..LimitsSource::of(name, text) }, ..limits })
+        let (decision, specification) = (Some(limits.decision.unwrap_or_default()), limits.specification.clone());
+        Ok(Self { source: LimitsSource { base, decision, specification, ..LimitsSource::of(name, text) }, ..limits })
     }
 
     /// Parses the text of a limits file.
@@ -68,6 +69,18 @@ impl Limits {
         }
         if let Some(flight) = &self.flight {
             flight.check()?;
+        }
+        if let Some(specification) = &self.specification {
+            specification.check()?;
+            let is_limit = |key: &&String| SPECS.iter().any(|spec| spec.key == **key);
+            if let Some(unknown) = specification.paragraphs.keys().find(|key| !is_limit(key)) {
+                return Err(Error::input(
+                    "there is no limit of this name",
+                    "correct the key: docs/reference/limits.md lists all of them",
+                )
+                .column("specification.paragraphs")
+                .value(unknown.clone()));
+            }
         }
         if self.position_error_m_max.is_some() && self.flight.is_none() {
             return Err(Error::input(

@@ -6,8 +6,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::PpmEstimate;
 use crate::verify::flight::position::Flight;
-use crate::verify::limits::source::LimitsSource;
-use crate::verify::limits::verdict::{Decided, DecisionRule, Verdict};
+use crate::verify::limits::source::{LimitsSource, Specification};
+use crate::verify::limits::verdict::{Decided, DecisionRule, PLATEAU_OFFSET, Verdict};
 use crate::verify::values::rate_table::{MOST_UNVISITED, worst_known};
 use crate::verify::values::repeatability::RUN_WITHOUT_BIAS;
 use crate::verify::{AxisVerification, BiasRepeatability, Estimate, PlateauProof, ScaleProof};
@@ -199,7 +199,6 @@ pub(crate) const EXCLUDED: &str = "excluded_max";
 const OF_ALL: [&str; 2] = ["turn_on_sigma_dph_max", POSITION_ERROR];
 /// A correction brings σ to its noise floor, and not below.
 const LEAST_OVER_FLOOR: f64 = 0.9;
-const PLATEAU_OFFSET: &str = "plateau_offset_dph_max";
 pub(crate) const POSITION_ERROR: &str = "position_error_m_max";
 const NO_PLATEAU: &str = "no five steady windows within 1 °C of each other";
 const NO_SLOPE: &str =
@@ -269,6 +268,9 @@ macro_rules! limits {
             pub base: Option<String>,
             /// How a value with an uncertainty is compared with a limit; `simple` by default.
             pub decision: Option<DecisionRule>,
+            /// The customer's specification.
+            #[serde(skip_serializing_if = "Option::is_none")]
+            pub specification: Option<Specification>,
             /// Where they come from.
             #[serde(skip)]
             pub source: LimitsSource,

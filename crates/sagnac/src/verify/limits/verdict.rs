@@ -151,6 +151,21 @@ pub enum DecisionRule {
     Guarded,
 }
 
+impl DecisionRule {
+    /// The rule in a sentence.
+    pub const fn words(self) -> &'static str {
+        match self {
+            Self::Simple => "simple. The value alone decides.",
+            Self::Guarded => {
+                "guarded (ISO 14253-1). A limit is met where the value and 1.645 of its standard errors (±) are within the bound, not met \
+                 where both are beyond it, else not decided."
+            }
+        }
+    }
+}
+
+/// The limit whose failing plateau is named.
+pub(crate) const PLATEAU_OFFSET: &str = "plateau_offset_dph_max";
 /// One-sided 95 %.
 const GUARD_SIGMAS: f64 = 1.645;
 /// Hours from which on no retest is proposed.
