@@ -135,10 +135,21 @@
     const drift = state.clock.drift_ppm;
     // A replay has no clock of its own.
     if (state.clock.jitter_s > 0) tiles.push(tile("jitter of arrival", figures3(1000 * state.clock.jitter_s), "ms" + (drift === null ? "" : `, clock ${figures3(drift)} ppm`)));
+    const celsius = now.temperatures_c.find((value) => value !== null && value !== undefined);
+    put("temperature", celsius === undefined ? "–" : `${celsius.toFixed(1).replace("-", "−")} °C`);
     at("tiles").replaceChildren(...tiles);
     at("sources").tBodies[0].replaceChildren(...state.sources.map((s) => row(
       cell(s.name, "words"), cell(s.state + (s.state === "lost" ? ": " + s.why : ""), "state-" + s.state),
       cell(s.ago_s === null ? "–" : s.ago_s.toFixed(1)), cell(String(s.bytes)))));
+  };
+  // A replay has no clock of its own: it has hours to go, and no time of day.
+  const endTime = (enough) => {
+    if (state.ended || state.failed || !enough) return "";
+    if (enough.met) return "end it now";
+    if (enough.hours_to_go === null) return "end not known yet";
+    const left = `${long(3600 * enough.hours_to_go)} to go`;
+    const end = new Date(Date.now() + 3.6e6 * enough.hours_to_go);
+    return state.clock.jitter_s > 0 ? `ends about ${end.toTimeString().slice(0, 5)}, ${left}` : left;
   };
   const drawVerdict = () => {
     const study = state.study, enough = study.enough;
@@ -161,11 +172,12 @@
       const to = next ? (Math.abs(next.from_c - next.to_c) < 0.5 ? `a soak at ${degrees(next.to_c)} °C` : `a ramp from ${degrees(next.from_c)} to ${degrees(next.to_c)} °C`) : "";
       const probability = Math.min(...enough.axes.map((a) => a.probability));
       put("verdict-text", `probability ${isFinite(probability) ? probability.toFixed(2) + " if the model is right" : "–"}`
-        + (enough.met ? "" : hours === null ? "; hours to go are not known" : `; some ${hours.toFixed(1)} h to go`)
+        + (enough.met ? "" : hours === null ? "; hours to go are not known" : "")
         + (next && !enough.met ? `; worth most now: ${to} for ${next.hours.toFixed(1)} h` : ""));
     }
+    put("end-time", endTime(enough));
     at("open").replaceChildren(...(enough ? enough.open : []).map((text) => item(text)));
-    const limits = enough ? enough.axes.flatMap((a) => a.expected.map((e) => row(cell(a.axis), cell(e.limit, "words"), cell(figures3(e.value_95)), cell(figures3(e.bound)), cell(unit(e.unit))))) : [];
+    const limits = enough ? enough.axes.flatMap((a) => a.expected.map((e) => row(cell(a.axis), cell(e.limit, "words"), cell(`${figures3(e.bound)} ${unit(e.unit)}`), cell(figures3(e.value_95))))) : [];
     at("limits-section").hidden = !limits.length;
     at("limits").tBodies[0].replaceChildren(...limits);
     const later = enough && enough.not_decided.length ? ["Decided by a retest: " + enough.not_decided.join(", ")] : [];

@@ -75,6 +75,13 @@ impl Browser {
         self.command("execute/sync", &json!({ "script": script, "args": [] })).unwrap()
     }
 
+    /// Gives the page a size, px.
+    fn resize(&self, width: u64, height: u64) {
+        let metrics = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+        let command = json!({ "cmd": "Emulation.setDeviceMetricsOverride", "params": metrics });
+        self.command("goog/cdp/execute", &command).unwrap();
+    }
+
     /// Types a key into whatever has the focus.
     fn key(&self, key: &str) {
         let press = json!([{ "type": "keyDown", "value": key }, { "type": "keyUp", "value": key }]);
@@ -140,6 +147,19 @@ const DRAWN: &str = "
         return drawn > 500;
     });";
 
+/// True where verdict, temperature, time of the end and warnings are 40 px high or more.
+const LARGE: &str = "
+    return ['#verdict-word', '#temperature', '#end-time', '#warnings li:not(.over) b'].every((place) =>
+        [...document.querySelectorAll(place)].every((e) => parseFloat(getComputedStyle(e).fontSize) >= 40));";
+
+/// True where each limit shows its bound within the screen, with its unit.
+const BOUND: &str = "
+    const cells = [...document.querySelectorAll('#limits tbody td:nth-child(3)')];
+    return cells.length >= 3 && cells.every((e) => {
+        const box = e.getBoundingClientRect();
+        return box.left >= 0 && box.right <= innerWidth && /[0-9]/.test(e.textContent);
+    });";
+
 /// Rows of a triangle over 50 °C with a drift, 10 s each.
 fn rows(from: u32, to: u32) -> String {
     let row = |i: u32| {
@@ -187,8 +207,30 @@ fn the_page_is_drawn_and_comes_back() {
     page.until("the dark", "return document.documentElement.className === 'dark'");
     page.until("limits", "return document.querySelectorAll('#limits tbody tr').length >= 3");
     page.until("an event", "return document.getElementById('events').textContent.includes('connected')");
-    // A phone: nothing is wider than the screen.
-    page.until("the width", "return document.documentElement.scrollWidth <= innerWidth");
+    page.until("the hours to go", "return /to go|end/.test(document.getElementById('end-time').textContent)");
+    page.until("the temperature", "return / °C$/.test(document.getElementById('temperature').textContent)");
+    // From a phone to a large screen: words to be read across the laboratory, the bound, and the end in reach.
+    for (width, columns) in [(380, 1), (768, 1), (1280, 2), (1920, 2)] {
+        page.resize(width, 800);
+        page.until(
+            "the width",
+            &format!(
+                "return Math.abs(innerWidth - {width}) <= 16 && document.documentElement.scrollWidth <= innerWidth"
+            ),
+        );
+        page.until("large words", LARGE);
+        page.until(
+            "columns",
+            &format!("return new Set([...document.querySelectorAll('.figures figure')].map((e) => Math.round(e.getBoundingClientRect().left))).size === {columns}"),
+        );
+        page.until("the bound", BOUND);
+        page.until(
+            "the end in reach",
+            // This browser has no right to end the recording, so the button is shown for the look.
+            "document.getElementById('control').hidden = false; const box = document.getElementById('stop').getBoundingClientRect(); return box.height > 20 && box.bottom <= innerHeight && box.right <= innerWidth",
+        );
+    }
+    page.resize(390, 844);
     // Keys reach the figures.
     page.key("3");
     page.until("focus", "return document.activeElement.closest('figure')?.id === 'figure-residual'");
@@ -199,6 +241,7 @@ fn the_page_is_drawn_and_comes_back() {
         "a warning",
         "return document.querySelector('#warnings li:not(.over) b')?.textContent.includes('are stuck')",
     );
+    page.until("a large warning", LARGE);
     // Killed: the page says so. Resumed: it goes on by itself, with what came meanwhile.
     bench.0.kill().unwrap();
     bench.0.wait().unwrap();
