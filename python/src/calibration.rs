@@ -226,7 +226,9 @@ impl Calibration {
 
     fn report(&self) -> PyResult<String> {
         let (_, report_data) = self.behind()?;
-        calibration_report(&self.record, report_data).map(|report| report.html().to_owned()).map_err(exception)
+        calibration_report(&self.record, report_data, self.record.setup.units.unwrap_or_default())
+            .map(|report| report.html().to_owned())
+            .map_err(exception)
     }
 
     /// The windows that the runs were summed into.

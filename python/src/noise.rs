@@ -4,6 +4,7 @@ use pyo3::prelude::*;
 use sagnac::allan::{Request, noise_budget};
 use sagnac::{Setup, Taus};
 use sagnac_log::ingest::ReadMode;
+use sagnac_log::setup::RateUnit;
 use sagnac_report::noise_report;
 
 use crate::errors::exception;
@@ -13,7 +14,10 @@ use crate::work::away;
 
 /// A noise budget.
 #[pyclass(frozen, module = "sagnac._sagnac")]
-pub(crate) struct NoiseBudget(sagnac::NoiseBudget);
+pub(crate) struct NoiseBudget {
+    budget: sagnac::NoiseBudget,
+    units: RateUnit,
+}
 
 /// The budget of runs at rest; `taus` is `log`, `octave`, `all` or a list.
 #[pyfunction]
@@ -35,7 +39,8 @@ pub(crate) fn allan(
     away(py, move |stop| {
         let setup = settings::setup(Setup::default(), setup.0.as_deref(), &setup.1)?;
         let logs = sources.logs(&setup, ReadMode::Bulk, stop)?;
-        noise_budget(logs, None, &setup, &Request { taus, exact }).map(NoiseBudget)
+        let budget = noise_budget(logs, None, &setup, &Request { taus, exact })?;
+        Ok(NoiseBudget { budget, units: setup.units.unwrap_or_default() })
     })
 }
 
@@ -43,10 +48,10 @@ pub(crate) fn allan(
 impl NoiseBudget {
     fn to_json(&self) -> PyResult<String> {
         let broken = |e: serde_json::Error| exception(sagnac::Error::defect(format!("cannot write JSON: {e}")));
-        serde_json::to_string_pretty(&self.0).map(|text| text + "\n").map_err(broken)
+        serde_json::to_string_pretty(&self.budget).map(|text| text + "\n").map_err(broken)
     }
 
     fn report(&self) -> PyResult<String> {
-        noise_report(&self.0).map(|report| report.html().to_owned()).map_err(exception)
+        noise_report(&self.budget, self.units).map(|report| report.html().to_owned()).map_err(exception)
     }
 }

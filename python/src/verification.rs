@@ -36,7 +36,13 @@ impl Verification {
 
     fn report(&self) -> PyResult<String> {
         let Proof { verification, report_data, .. } = &self.proof;
-        let report = verification_report(verification, Some(&self.record), report_data, &Sheet::default());
+        let report = verification_report(
+            verification,
+            Some(&self.record),
+            report_data,
+            &Sheet::default(),
+            self.record.setup.units.unwrap_or_default(),
+        );
         report.map(|report| report.html().to_owned()).map_err(exception)
     }
 

@@ -117,6 +117,19 @@ fn rates_are_shown_in_the_unit_that_is_asked() {
             it.short(&format!("verify unit.cal.json run3.csv --window 50 --limits navigation-grade --units {unit}"));
         assert!(judged.contains(name) && !judged.contains("°/h"), "{judged}");
         assert!(it.short(&format!("allan run1.csv --units {unit}")).contains(name), "{unit}");
+        for report in [
+            format!("{calibrate} --units {unit} --report r.html"),
+            format!("verify unit.cal.json run3.csv --window 50 --units {unit} --report r.html"),
+            format!("allan run1.csv --units {unit} --report r.html"),
+            format!("compare unit.cal.json unit.cal.json --units {unit} --report r.html"),
+        ] {
+            it.run(&report);
+            let page = fs::read_to_string(it.0.path().join("r.html")).unwrap();
+            // The reason for a missing noise term states its bound in the unit of the record.
+            let is_other = page.contains("°/h") && !report.starts_with("allan");
+            assert!(page.contains(name) && !is_other, "{report}");
+            fs::remove_file(it.0.path().join("r.html")).unwrap();
+        }
         let verbose = it.run(&format!("-v {calibrate} --units {unit}"));
         assert!(!String::from_utf8_lossy(&verbose.stdout).contains("°/h"), "{verbose:?}");
     }

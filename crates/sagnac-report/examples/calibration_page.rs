@@ -18,7 +18,7 @@ fn main() -> Result<()> {
     let windows = WindowBuilder::read_all(vec![log], &setup)?.finish();
     let model: Model = "bias 3, rate 0".parse()?;
     let (calibration, drawn) = calibrate_with_report_data(windows, &setup, &FitOptions::new(model))?;
-    let page = calibration_report(&calibration, &drawn)?;
+    let page = calibration_report(&calibration, &drawn, Default::default())?;
     println!("{} bytes of HTML", page.html().len());
     assert!(page.html().starts_with("<!DOCTYPE html>") && !page.html().contains("src=\"http"));
     match std::env::args().nth(1) {

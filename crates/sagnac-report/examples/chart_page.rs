@@ -12,7 +12,7 @@ fn main() -> Result<()> {
     let budget = sagnac::allan(&bench, log)?;
     // A thermal cycle is not a record at rest; the budget carries a warning.
     assert!(budget.warnings.iter().any(|warning| warning.contains("temperature")), "{:?}", budget.warnings);
-    let page = noise_report(&budget)?;
+    let page = noise_report(&budget, Default::default())?;
     println!("{} bytes of HTML", page.html().len());
     match std::env::args().nth(1) {
         Some(path) => write_bytes(path.as_ref(), page.html().as_bytes()),

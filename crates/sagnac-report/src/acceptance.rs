@@ -202,7 +202,7 @@ fn limits_of_all(axes: &[&AxisVerification], words_of: impl Fn(&str) -> (String,
 }
 
 /// Behind the signatures: why a limit is not met, not decided or not asked, how limits decide, and what is suspected.
-pub(crate) fn remarks(verification: &Verification) -> Markup {
+pub(crate) fn remarks(verification: &Verification, units: RateUnit) -> Markup {
     let several = verification.axes.len() > 1;
     let mut unasked: Vec<(String, String)> = Vec::new();
     for axis in &verification.axes {
@@ -231,7 +231,7 @@ pub(crate) fn remarks(verification: &Verification) -> Markup {
             @if axis.about_common_mean {
                 p.note { "Each run covers little of the temperatures: the figures are about the mean of all runs, not each run's own." }
             }
-            (suspects(axis))
+            (suspects(axis, units))
         }
         @for (axes, words) in &unasked {
             p.note { @if several && axes.split(", ").count() < verification.axes.len() { "Axis " (axes) ": " } (words) }
@@ -252,36 +252,46 @@ fn limit_words(name: &str) -> (String, String) {
 }
 
 /// The residual, figure by figure.
-pub(crate) fn residual(axis: &AxisVerification) -> Markup {
+pub(crate) fn residual(axis: &AxisVerification, units: RateUnit) -> Markup {
     let left = &axis.residual;
-    let estimate = |e: Estimate| with_sigma(e.value, Some(e.sigma));
-    let mut rows: Vec<(String, String, &str)> = Vec::new();
+    let estimate = |e: Estimate| units.with_sigma(e.value, Some(e.sigma));
+    let (name_of, slope_of) = (units.name().to_owned(), |per: &str| format!("{} per {per}", units.name()));
+    let (walk_factor, walk_unit) = units.shown("deg/rt h");
+    let mut rows: Vec<(String, String, String)> = Vec::new();
     if let Some(p) = left.plateaus {
         let name = format!("largest plateau offset of {}, at {} °C", p.plateaus, celsius(p.worst_offset_temperature_c));
-        rows.push((name, estimate(p.worst_offset_dph), "°/h"));
-        rows.push(("largest σ within a plateau".to_owned(), significant(p.worst_sigma_dph, 3), "°/h"));
+        rows.push((name, estimate(p.worst_offset_dph), name_of.clone()));
+        rows.push(("largest σ within a plateau".to_owned(), units.number(p.worst_sigma_dph, 3), name_of.clone()));
     }
     if let Some(rms) = left.ramps_rms_dph {
-        rows.push(("root mean square in ramps".to_owned(), significant(rms, 3), "°/h"));
+        rows.push(("root mean square in ramps".to_owned(), units.number(rms, 3), name_of.clone()));
     }
     if let Some(offset) = left.ramp_offset_dph {
-        rows.push(("mean of ramps less mean of soaks".to_owned(), estimate(offset), "°/h"));
+        rows.push(("mean of ramps less mean of soaks".to_owned(), estimate(offset), name_of.clone()));
     }
     if let Some(slope) = left.temperature_slope {
-        rows.push(("drift with temperature".to_owned(), estimate(slope), "°/h per °C"));
+        rows.push(("drift with temperature".to_owned(), estimate(slope), slope_of("°C")));
     }
     if let Some(slope) = left.rate_slope {
-        rows.push(("drift with its rate".to_owned(), estimate(slope), "°/h per °C/min"));
+        rows.push(("drift with its rate".to_owned(), estimate(slope), slope_of("°C/min")));
     }
     if let Some(walk) = left.random_walk {
-        rows.push(("angle random walk before".to_owned(), significant(walk.before_deg_rt_h, 3), "°/√h"));
-        rows.push(("angle random walk after".to_owned(), significant(walk.after_deg_rt_h, 3), "°/√h"));
+        rows.push((
+            "angle random walk before".to_owned(),
+            significant(walk_factor * walk.before_deg_rt_h, 3),
+            walk_unit.clone(),
+        ));
+        rows.push((
+            "angle random walk after".to_owned(),
+            significant(walk_factor * walk.after_deg_rt_h, 3),
+            walk_unit.clone(),
+        ));
     }
     if let Some(smooth) = left.over_temperature_dph {
-        rows.push(("smooth residual over temperature, rms".to_owned(), estimate(smooth), "°/h"));
+        rows.push(("smooth residual over temperature, rms".to_owned(), estimate(smooth), name_of.clone()));
     }
     if let Some(b) = left.bias_instability_dph {
-        rows.push(("bias instability, from the least Allan deviation".to_owned(), estimate(b), "°/h"));
+        rows.push(("bias instability, from the least Allan deviation".to_owned(), estimate(b), name_of.clone()));
     }
     html! {
         @if !rows.is_empty() {
@@ -338,30 +348,30 @@ pub(crate) fn flight_figure(axis: &AxisVerification) -> Option<Figure> {
 }
 
 /// Stretches that look like disturbances, with place and size.
-fn suspects(axis: &AxisVerification) -> Markup {
+fn suspects(axis: &AxisVerification, units: RateUnit) -> Markup {
     let judged = if axis.excluded_fraction.is_some() { "excluded where asked" } else { "judged with the rest" };
     html! {
-        @for suspect in &axis.suspects { p.note { "Suspected " (suspect.words(RateUnit::DegPerHour)) "; " (judged) "." } }
+        @for suspect in &axis.suspects { p.note { "Suspected " (suspect.words(units)) "; " (judged) "." } }
     }
 }
 
 /// Fixed bias of each run against the calibration.
-pub(crate) fn bias_repeatability(axis: &AxisVerification) -> Markup {
-    let text = |e: Estimate| with_sigma(e.value, Some(e.sigma));
+pub(crate) fn bias_repeatability(axis: &AxisVerification, units: RateUnit) -> Markup {
+    let text = |e: Estimate| units.with_sigma(e.value, Some(e.sigma));
     html! {
         @if let Some(repeatability) = &axis.bias_repeatability {
-            h3 { "Fixed bias against the calibration, °/h" }
+            h3 { "Fixed bias against the calibration, " (units.name()) }
             div.scroll { table {
                 thead { tr { th.words { "" } th { "fixed bias" } th { "less the calibration's" } } }
-                tr { td { "calibration; " (repeatability.input_text(RateUnit::DegPerHour)) } td { (text(repeatability.calibration_dph)) } td { "-" } }
+                tr { td { "calibration; " (repeatability.input_text(units)) } td { (text(repeatability.calibration_dph)) } td { "-" } }
                 @for run in &repeatability.runs {
                     tr { td { (file_name(&run.file)) } td { (text(run.bias_dph)) } td { (text(run.difference_dph)) } }
                 }
             } }
             @if let Some(turn_ons) = repeatability.turn_ons {
                 p.note {
-                    "Turn-on to turn-on: σ " (significant(turn_ons.sigma_dph, 2)) " °/h over " (turn_ons.n) " runs, those of the calibration included; below "
-                    (significant(turn_ons.sigma_upper_dph, 2)) " °/h with 95 % confidence."
+                    "Turn-on to turn-on: σ " (units.text(turn_ons.sigma_dph, 2)) " over " (turn_ons.n) " runs, those of the calibration included; below "
+                    (units.text(turn_ons.sigma_upper_dph, 2)) " with 95 % confidence."
                 }
             }
         }

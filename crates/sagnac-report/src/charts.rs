@@ -6,6 +6,7 @@ use crate::figure::{DASHES, Figure, Layer, Role, SOLID, rounded};
 use crate::page::{all_shown, page};
 use crate::report::Report;
 use sagnac_log::error::Result;
+use sagnac_log::setup::RateUnit;
 
 /// Curves and words of a page.
 #[derive(Clone, Debug, Default)]
@@ -16,6 +17,8 @@ pub struct ChartPage {
     pub subtitle: String,
     /// Figures, in order.
     pub charts: Vec<Chart>,
+    /// Unit of the rates in figures; a chart is made in °/h.
+    pub units: RateUnit,
     /// Verdicts under the subtitle: whether it is well, and in words.
     pub verdicts: Vec<(bool, String)>,
     /// Words under them: what to know before reading on.
@@ -206,7 +209,8 @@ fn table(table: &PageTable) -> Markup {
 /// # Errors
 /// Figures that cannot be written as JSON.
 pub fn chart_report(content: &ChartPage) -> Result<Report> {
-    let drawn: Vec<Figure> = content.charts.iter().filter_map(Chart::figure).collect();
+    let drawn: Vec<Figure> =
+        content.charts.iter().filter_map(Chart::figure).map(|figure| figure.shown_in(content.units)).collect();
     let body = html! {
         h1 { (content.title) }
         p.sub { (content.subtitle) }

@@ -1,5 +1,6 @@
 //! A figure as data: what is drawn, not how. [`super::svg`] draws it for paper, the page's script on screen.
 
+use sagnac_log::setup::RateUnit;
 use serde::Serialize;
 
 /// The meaning of a layer; each role has one colour throughout.
@@ -164,7 +165,43 @@ pub(crate) struct Figure {
     pub(crate) layers: Vec<Layer>,
 }
 
+/// The unit of labels before a figure is shown in another.
+const DPH: &str = "°/h";
+
 impl Figure {
+    /// With its rates in a unit: those axes whose label ends in °/h.
+    pub(crate) fn shown_in(mut self, units: RateUnit) -> Self {
+        let scaled = |values: &mut [f64]| values.iter_mut().for_each(|value| *value = units.of_dph(*value));
+        if let Some(quantity) = self.x_label.strip_suffix(DPH) {
+            self.x_label = format!("{quantity}{}", units.name());
+            scaled(&mut self.x);
+            for layer in &mut self.layers {
+                match layer {
+                    Layer::Dots { x, .. }
+                    | Layer::Line { x, .. }
+                    | Layer::Band { x, .. }
+                    | Layer::Whiskers { x, .. } => scaled(x),
+                    Layer::Bars { edges, .. } => scaled(edges),
+                    Layer::Shades { stretches, .. } => stretches.iter_mut().for_each(|stretch| scaled(stretch)),
+                }
+            }
+        }
+        if let Some(quantity) = self.y_label.strip_suffix(DPH) {
+            self.y_label = format!("{quantity}{}", units.name());
+            scaled(&mut self.y);
+            for layer in &mut self.layers {
+                match layer {
+                    Layer::Dots { y, .. } | Layer::Line { y, .. } => scaled(y),
+                    Layer::Band { lo, hi, .. } => [lo, hi].into_iter().for_each(|edge| scaled(edge)),
+                    Layer::Whiskers { y, half, .. } => [y, half].into_iter().for_each(|values| scaled(values)),
+                    Layer::Bars { heights, .. } => scaled(heights),
+                    Layer::Shades { .. } => {}
+                }
+            }
+        }
+        self
+    }
+
     /// Frames what its layers hold; `None` where they hold nothing.
     pub(crate) fn framed(mut self, keep_zero: bool) -> Option<Self> {
         let (mut xs, mut ys) = (Range::EMPTY, Range::EMPTY);

@@ -8,7 +8,8 @@ use sagnac::model::ActsOn;
 use sagnac::model::TICK_INSTRUCTIONS;
 use sagnac::verify::{PlateauProof, ScaleProof};
 use sagnac_log::ingest::Reason;
-use sagnac_units::format::{on_scale, significant};
+use sagnac_log::setup::RateUnit;
+use sagnac_units::format::on_scale;
 
 /// The layers of one kind of all axes together draw no more points.
 const MOST_POINTS: usize = 1800;
@@ -367,12 +368,12 @@ pub(crate) fn residual(report_data: &ReportData, axis: &AxisReportData, floor_dp
 }
 
 /// Residuals next to the noise floor.
-pub(crate) fn histogram(axis: &AxisReportData, floor_dph: Option<f64>) -> Option<Figure> {
+pub(crate) fn histogram(axis: &AxisReportData, floor_dph: Option<f64>, units: RateUnit) -> Option<Figure> {
     let values: Vec<f64> = used(axis).map(|p| p.after_dph).filter(|v| v.is_finite()).collect();
-    histogram_of(axis.axis, &values, floor_dph)
+    histogram_of(axis.axis, &values, floor_dph, units)
 }
 
-fn histogram_of(axis: char, values: &[f64], floor_dph: Option<f64>) -> Option<Figure> {
+fn histogram_of(axis: char, values: &[f64], floor_dph: Option<f64>, units: RateUnit) -> Option<Figure> {
     let (edges, heights) = binned(values)?;
     let width = edges[1] - edges[0];
     let (lo, hi) = (edges[0], edges[edges.len() - 1]);
@@ -382,14 +383,13 @@ fn histogram_of(axis: char, values: &[f64], floor_dph: Option<f64>) -> Option<Fi
     let is_curve = |floor: f64| peak(floor) <= MOST_PEAK * highest;
     let caption = match floor_dph {
         Some(floor) if is_curve(floor) => format!(
-            "Bars: windows per bin. Line: {} windows of noise alone, σ = {} °/h (the floor).",
+            "Bars: windows per bin. Line: {} windows of noise alone, σ = {} (the floor).",
             values.len(),
-            significant(floor, 3)
+            units.text(floor, 3)
         ),
-        Some(floor) => format!(
-            "Bars: windows per bin. Shaded: 95 % of noise alone, σ = {} °/h (the floor).",
-            significant(floor, 3)
-        ),
+        Some(floor) => {
+            format!("Bars: windows per bin. Shaded: 95 % of noise alone, σ = {} (the floor).", units.text(floor, 3))
+        }
         None => "The noise floor of this log is not known, so the bars have no reference.".to_owned(),
     };
     let title = if floor_dph.is_some() { "Residual, next to the noise floor" } else { "Residual" };
@@ -558,7 +558,7 @@ mod tests {
     fn a_histogram_stays_in_its_frame() {
         let values: Vec<f64> = (0..500).map(|at| (f64::from(at) / 100.0).sin()).collect();
         for floor in [1e-3, 0.1, 0.5, 1.0, 10.0] {
-            let drawn = histogram_of('x', &values, Some(floor)).unwrap();
+            let drawn = histogram_of('x', &values, Some(floor), RateUnit::DegPerHour).unwrap();
             let inside = |range: [f64; 2], values: &[f64]| values.iter().all(|v| (range[0]..=range[1]).contains(v));
             for layer in &drawn.layers {
                 match layer {

@@ -4,6 +4,7 @@ use crate::charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 use crate::report::Report;
 use sagnac::allan::NoiseBudget;
 use sagnac_log::error::Result;
+use sagnac_log::setup::RateUnit;
 use sagnac_noise::{AllanTerm, AxisBudget, CurvePoint, TermValue};
 use sagnac_units::format::{file_name, significant};
 
@@ -14,22 +15,23 @@ const SHOWN_TAUS: usize = 40;
 ///
 /// # Errors
 /// Figures that cannot be written as JSON.
-pub fn noise_report(budget: &NoiseBudget) -> Result<Report> {
+pub fn noise_report(budget: &NoiseBudget, units: RateUnit) -> Result<Report> {
     let files: Vec<String> = budget.inputs.iter().map(|input| file_name(&input.file)).collect();
     let mut page = ChartPage {
         title: "Noise budget".to_owned(),
         subtitle: files.join(", "),
-        remarks: notes(budget),
+        remarks: notes(budget, units),
+        units,
         ..ChartPage::default()
     };
-    page.results.push(terms_of_all(&budget.axes));
+    page.results.push(terms_of_all(&budget.axes, units));
     if budget.axes.len() > 1 {
         page.charts.push(all_axes(&budget.axes));
     }
-    page.charts.extend(budget.axes.iter().map(allan_chart));
+    page.charts.extend(budget.axes.iter().map(|axis| allan_chart(axis, units)));
     page.charts.extend(budget.axes.iter().filter_map(hadamard_chart));
     page.tables.extend(budget.axes.iter().filter_map(unresolved_table));
-    page.tables.extend(budget.axes.iter().map(curve_table));
+    page.tables.extend(budget.axes.iter().map(|axis| curve_table(axis, units)));
     let inputs = budget.inputs.iter().map(|i| vec![file_name(&i.file), i.rows.to_string(), i.sha256.clone()]);
     page.tables.push(table("Provenance", ["log", "rows", "SHA-256"], inputs));
     if !budget.excluded.is_empty() {
@@ -80,7 +82,7 @@ fn all_axes(axes: &[AxisBudget]) -> Chart {
     }
 }
 
-fn notes(budget: &NoiseBudget) -> Vec<String> {
+fn notes(budget: &NoiseBudget, units: RateUnit) -> Vec<String> {
     let mut out: Vec<String> = budget.warnings.iter().map(|warning| format!("Warning: {warning}.")).collect();
     if budget.axes.iter().any(|axis| matches!(axis.terms.get(AllanTerm::BiasInstability), TermValue::Found { .. })) {
         out.push(MEANING_OF_B.to_owned());
@@ -108,14 +110,14 @@ fn notes(budget: &NoiseBudget) -> Vec<String> {
                 axis.rows,
                 significant(axis.sample_interval_s, 6)
             ));
-            out.extend(row_notes(axis).into_iter().map(|note| format!("Axis {}: {note}.", axis.axis)));
+            out.extend(row_notes(axis, units).into_iter().map(|note| format!("Axis {}: {note}.", axis.axis)));
         }
     }
     out
 }
 
 /// What is said of an axis whose rows were lost or disturbed, line by line.
-pub fn row_notes(axis: &AxisBudget) -> Vec<String> {
+pub fn row_notes(axis: &AxisBudget, units: RateUnit) -> Vec<String> {
     let mut out = Vec::new();
     let excluded = axis.disturbed.as_ref().filter(|disturbed| disturbed.excluded).map_or(0, |disturbed| disturbed.rows);
     match axis.filled_rows.saturating_sub(excluded) {
@@ -137,10 +139,11 @@ pub fn row_notes(axis: &AxisBudget) -> Vec<String> {
     out.push(format!("{rows} far from those around {them}, {part} % of all: {named}{more}"));
     let otherwise = AllanTerm::ALL.iter().filter_map(|term| {
         let value = disturbed.alternative_terms.get(*term);
-        let (name, unit) = term.name();
+        let name = term.name().0;
+        let (factor, unit) = units.shown(term.name().1);
         let letter = name.rsplit(' ').next().unwrap_or_default();
         matches!(value, TermValue::Found { .. }).then(|| {
-            let [value, interval] = term_text(value, 1.0);
+            let [value, interval] = term_text(value, factor);
             format!("{letter} {value} ({interval}) {unit}")
         })
     });
@@ -168,15 +171,15 @@ pub fn term_text(value: &TermValue, factor: f64) -> [String; 2] {
 }
 
 /// Every term with its 95 % interval, a column per axis.
-fn terms_of_all(axes: &[AxisBudget]) -> PageTable {
-    let cell = |axis: &AxisBudget, term: AllanTerm| match term_text(axis.terms.get(term), 1.0) {
+fn terms_of_all(axes: &[AxisBudget], units: RateUnit) -> PageTable {
+    let cell = |axis: &AxisBudget, term: AllanTerm, factor: f64| match term_text(axis.terms.get(term), factor) {
         [value, interval] if value == "-" => interval,
         [value, interval] => format!("{value} ({interval})"),
     };
     let rows = AllanTerm::ALL.iter().map(|term| {
-        let (name, unit) = term.name();
-        let cells = axes.iter().map(|axis| cell(axis, *term));
-        [name.to_owned(), unit.to_owned()].into_iter().chain(cells).collect()
+        let (factor, unit) = units.shown(term.name().1);
+        let cells = axes.iter().map(|axis| cell(axis, *term, factor));
+        [term.name().0.to_owned(), unit].into_iter().chain(cells).collect()
     });
     let columns = axes.iter().map(|axis| format!("axis {}", axis.axis));
     PageTable {
@@ -198,24 +201,27 @@ fn unresolved_table(axis: &AxisBudget) -> Option<PageTable> {
     (!rows.is_empty()).then(|| table(&heading, ["term", "reason"], rows.into_iter()))
 }
 
-fn curve_table(axis: &AxisBudget) -> PageTable {
+fn curve_table(axis: &AxisBudget, units: RateUnit) -> PageTable {
     let step = axis.curve.len().div_ceil(SHOWN_TAUS).max(1);
-    let end = |value: Option<f64>| value.map_or("-".to_owned(), |v| significant(v, 4));
+    let end = |value: Option<f64>| value.map_or("-".to_owned(), |dph| units.number(dph, 4));
     let rows = axis.curve.iter().step_by(step).map(|point| {
         vec![
             significant(point.tau_s, 5),
-            significant(point.adev_dph, 5),
+            units.number(point.adev_dph, 5),
             end(point.lower_dph),
             end(point.upper_dph),
             point.n.map_or("-".to_owned(), |n| n.to_string()),
             point.edf.map_or("-".to_owned(), |edf| significant(edf, 3)),
         ]
     });
-    let header = ["τ, s", "Allan deviation, °/h", "from, °/h", "to (95 %), °/h", "differences", "degrees of freedom"];
+    let name = units.name();
+    let [deviation, from, to] =
+        [format!("Allan deviation, {name}"), format!("from, {name}"), format!("to (95 %), {name}")];
+    let header = ["τ, s", &deviation, &from, &to, "differences", "degrees of freedom"];
     table(&format!("Curve of axis {}", axis.axis), header, rows)
 }
 
-fn allan_chart(axis: &AxisBudget) -> Chart {
+fn allan_chart(axis: &AxisBudget, units: RateUnit) -> Chart {
     let shown: Vec<&CurvePoint> = axis.curve.iter().filter(|point| point.adev_dph > 0.0).collect();
     let taus: Vec<f64> = shown.iter().map(|point| point.tau_s).collect();
     let line = |label: &str, dashed, y: Vec<f64>| Curve { label: label.to_owned(), x: taus.clone(), y, dashed };
@@ -242,8 +248,8 @@ fn allan_chart(axis: &AxisBudget) -> Chart {
         .iter()
         .filter_map(|term| match axis.terms.get(*term) {
             TermValue::Found { value, .. } => {
-                let (name, unit) = term.name();
-                Some(format!("{name} {} {unit}", significant(*value, 3)))
+                let (factor, unit) = units.shown(term.name().1);
+                Some(format!("{} {} {unit}", term.name().0, significant(factor * value, 3)))
             }
             TermValue::Unresolved { .. } => None,
         })

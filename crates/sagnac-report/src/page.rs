@@ -15,7 +15,7 @@ use sagnac::notes::{Note, NoteAbout, NoteLevel};
 use sagnac::verify::{AxisVerification, Correction, DriftValues, Judged, REPEATED_PROFILE, ScaleValues, Verification};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Tally, hex, sha256};
-use sagnac_units::format::{celsius, plain, printable, printable_json, significant, unit, with_sigma};
+use sagnac_units::format::{celsius, plain, printable, printable_json, significant, with_sigma};
 
 /// Scripts and styles of the page. uPlot 1.6.32 is under the MIT licence, which is in the same folder.
 /// uPlot, which draws the figures that move.
@@ -34,7 +34,7 @@ const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 
 ///
 /// # Errors
 /// A record that cannot be written as JSON.
-pub fn calibration_report(calibration: &Calibration, report_data: &ReportData) -> Result<Report> {
+pub fn calibration_report(calibration: &Calibration, report_data: &ReportData, units: RateUnit) -> Result<Report> {
     let mut drawn = Vec::new();
     let several = calibration.axes.len() > 1;
     let body = html! {
@@ -44,18 +44,18 @@ pub fn calibration_report(calibration: &Calibration, report_data: &ReportData) -
             "Held-out figures come from data that each fit did not see. The proof is another test: " code { "sagnac verify" }
             " replays one through the image that ships."
         }
-        @for axis in &calibration.axes { (fit_verdict(axis, report_data, several)) }
+        @for axis in &calibration.axes { (fit_verdict(axis, report_data, several, units)) }
         @for axis in &calibration.axes {
             @if several { h2.axis { "Axis " (axis.axis) } }
             @if let Some(points) = report_data.axes.iter().find(|points| points.axis == axis.axis) {
-                @let all = fit_figures(report_data, points, axis);
+                @let all = fit_figures(report_data, points, axis, units);
                 (all_shown(&all))
                 @let () = drawn.extend(all);
             }
-            (terms::coefficients(axis))
-            (plateaus(axis))
-            (terms::candidates(axis.candidates()))
-            (terms::model_search(axis.fit.as_ref().map_or(&[], |fit| &fit.model_search)))
+            (terms::coefficients(axis, units))
+            (plateaus(axis, units))
+            (terms::candidates(axis.candidates(), units))
+            (terms::model_search(axis.fit.as_ref().map_or(&[], |fit| &fit.model_search), units))
             (excluded(axis.excluded()))
         }
         (provenance(calibration)?)
@@ -72,6 +72,7 @@ pub fn verification_report(
     calibration: Option<&Calibration>,
     report_data: &ReportData,
     sheet: &Sheet,
+    units: RateUnit,
 ) -> Result<Report> {
     let mut drawn = Vec::new();
     let several = verification.axes.len() > 1;
@@ -87,25 +88,25 @@ pub fn verification_report(
             (acceptance::identity(verification, calibration, sheet))
             (acceptance::limits(verification))
             (acceptance::signatures())
-            (acceptance::remarks(verification))
+            (acceptance::remarks(verification, units))
         }
-        @for axis in &verification.axes { (proof_verdict(axis, several)) }
+        @for axis in &verification.axes { (proof_verdict(axis, several, units)) }
         @if judged { h2.annex { "Annex: figures and tables of each axis" } }
         @for axis in &verification.axes {
             @if several { h2.axis { "Axis " (axis.axis) } }
-            (before_after(axis, verification))
+            (before_after(axis, verification, units))
             (scale_before_after(axis))
-            (acceptance::bias_repeatability(axis))
-            (acceptance::residual(axis))
+            (acceptance::bias_repeatability(axis, units))
+            (acceptance::residual(axis, units))
             (acceptance::flight(axis))
-            (left(axis))
+            (left(axis, units))
             @if let Some(points) = report_data.axes.iter().find(|points| points.axis == axis.axis) {
-                @let all = proof_figures(report_data, points, axis);
+                @let all = proof_figures(report_data, points, axis, units);
                 (all_shown(&all))
                 @let () = drawn.extend(all);
             }
             @if let Some(record) = calibration.and_then(|c| c.axes.iter().find(|a| a.axis == axis.axis)) {
-                (terms::coefficients(record))
+                (terms::coefficients(record, units))
             }
         }
         (excluded(&verification.excluded))
@@ -226,7 +227,12 @@ fn legend(figure: &Figure) -> Vec<(&str, &'static str, &'static str, Dash)> {
     out
 }
 
-fn fit_figures(report_data: &ReportData, points: &AxisReportData, axis: &AxisCalibration) -> Vec<Figure> {
+fn fit_figures(
+    report_data: &ReportData,
+    points: &AxisReportData,
+    axis: &AxisCalibration,
+    units: RateUnit,
+) -> Vec<Figure> {
     let floor = axis.noise_floor().map(|floor| floor.value_dph);
     let drift = figures::drift(report_data, points, axis);
     let effect = |(place, effect)| figures::effect(report_data, axis.axis, place, effect);
@@ -236,17 +242,24 @@ fn fit_figures(report_data: &ReportData, points: &AxisReportData, axis: &AxisCal
         .chain(figures::scale_factor(axis))
         .chain(figures::soak(axis))
         .chain(figures::tradeoff(axis))
-        .chain(both_sides(report_data, points, &figures::OF_FIT, floor))
+        .chain(both_sides(report_data, points, &figures::OF_FIT, floor, units))
+        .map(|figure| figure.shown_in(units))
         .collect()
 }
 
-fn proof_figures(report_data: &ReportData, points: &AxisReportData, axis: &AxisVerification) -> Vec<Figure> {
+fn proof_figures(
+    report_data: &ReportData,
+    points: &AxisReportData,
+    axis: &AxisVerification,
+    units: RateUnit,
+) -> Vec<Figure> {
     let scale = axis.scale_factor.as_ref().and_then(|proof| figures::scale_proof(axis.axis, proof));
     let floor = axis.noise_floor.as_ref().map(|floor| floor.value_dph);
     scale
         .into_iter()
         .chain(acceptance::flight_figure(axis))
-        .chain(both_sides(report_data, points, &figures::OF_PROOF, floor))
+        .chain(both_sides(report_data, points, &figures::OF_PROOF, floor, units))
+        .map(|figure| figure.shown_in(units))
         .collect()
 }
 
@@ -256,13 +269,14 @@ fn both_sides(
     points: &AxisReportData,
     words: &Wording,
     floor_dph: Option<f64>,
+    units: RateUnit,
 ) -> Vec<Figure> {
     let all = [
         figures::over_time(report_data, points, words),
         figures::profile(report_data, points),
         figures::over_temperature(report_data, points, words),
         figures::residual(report_data, points, floor_dph),
-        figures::histogram(points, floor_dph),
+        figures::histogram(points, floor_dph, units),
         figures::hysteresis(points, words),
     ];
     all.into_iter().flatten().collect()
@@ -291,19 +305,15 @@ fn axis_word(axis: char, several: bool) -> String {
 }
 
 /// `drift reduced 94 times; remaining 8.3 °/h, 1.02 times the noise floor`.
-fn reduced(times: f64, remaining_dph: f64, floor_dph: Option<f64>) -> String {
+fn reduced(times: f64, remaining_dph: f64, floor_dph: Option<f64>, units: RateUnit) -> String {
     let digits = if times < 10.0 { 2 } else { 3 };
     let floor = floor_dph.map_or("; the noise floor is not known".to_owned(), |floor| {
         format!(", {} times the noise floor", significant(remaining_dph / floor, 3))
     });
-    format!(
-        "drift reduced {} times; remaining {} °/h{floor}",
-        significant(times, digits),
-        significant(remaining_dph, 3)
-    )
+    format!("drift reduced {} times; remaining {}{floor}", significant(times, digits), units.text(remaining_dph, 3))
 }
 
-fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) -> Markup {
+fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool, units: RateUnit) -> Markup {
     let held_out = axis.cross_validation().map(|cv| cv.sigma_dph);
     let floor = axis.noise_floor().map(|floor| floor.value_dph);
     let points = report_data.axes.iter().find(|points| points.axis == axis.axis);
@@ -311,7 +321,7 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
     let all = points.map_or(0, |p| p.points.len());
     let logged = points.and_then(AxisReportData::logged_sigma_dph);
     let word = match (held_out, logged) {
-        (Some(held_out), Some(logged)) => reduced(logged / held_out, held_out, floor),
+        (Some(held_out), Some(logged)) => reduced(logged / held_out, held_out, floor, units),
         (Some(_), None) => "fitted; no run has two windows to compare with".to_owned(),
         (None, _) if axis.fit.as_ref().is_some_and(|fit| fit.prior.is_some()) => {
             "fitted with the prior of its fleet; nothing is held out of so short a test".to_owned()
@@ -324,14 +334,14 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool) 
             b.word { (axis_word(axis.axis, several)) (word) }
             p.note { "Model: " (model) " (" code { (axis.correction.model) } ")." }
             div.tiles {
-                @if let Some(value) = logged { (tile("drift as logged, σ", &significant(value, 3), "°/h")) }
-                @if let Some(value) = held_out { (tile("on unseen data, σ", &significant(value, 3), "°/h")) }
-                @if let Some(value) = floor { (tile("noise floor of a window", &significant(value, 3), "°/h")) }
-                @if let Some(residual) = axis.residual() { (tile("σ of the fit's residuals", &significant(residual.sigma_dph, 3), "°/h")) }
+                @if let Some(value) = logged { (tile("drift as logged, σ", &units.number(value, 3), units.name())) }
+                @if let Some(value) = held_out { (tile("on unseen data, σ", &units.number(value, 3), units.name())) }
+                @if let Some(value) = floor { (tile("noise floor of a window", &units.number(value, 3), units.name())) }
+                @if let Some(residual) = axis.residual() { (tile("σ of the fit's residuals", &units.number(residual.sigma_dph, 3), units.name())) }
                 (tile("span", &format!("{:.1} … {:.1}", axis.span_c()[0], axis.span_c()[1]), "°C"))
                 (tile("windows used", &format!("{used} of {all}"), ""))
             }
-            @for note in axis.notes(RateUnit::DegPerHour).iter().filter(|note| note.about != NoteAbout::ScaleFactor) { (said(note)) }
+            @for note in axis.notes(units).iter().filter(|note| note.about != NoteAbout::ScaleFactor) { (said(note)) }
             @for prior in axis.fit.iter().flat_map(|fit| &fit.prior) { p.note { "SHA-256 of the prior: " (prior.sha256) "." } }
         }
     }
@@ -343,11 +353,11 @@ fn said(note: &Note) -> Markup {
     html! { p.note { (word) (note.text) "." } }
 }
 
-fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
+fn proof_verdict(axis: &AxisVerification, several: bool, units: RateUnit) -> Markup {
     let floor = axis.noise_floor.as_ref().map(|floor| floor.value_dph);
     let gained = axis.improvement_sigma.map_or_else(
-        || format!("remaining {} °/h", significant(axis.after.sigma_dph, 3)),
-        |times| reduced(times, axis.after.sigma_dph, floor),
+        || format!("remaining {}", units.text(axis.after.sigma_dph, 3)),
+        |times| reduced(times, axis.after.sigma_dph, floor, units),
     );
     let class = axis.pass.map_or("", |pass| if pass { "pass" } else { "fail" });
     let word = match axis.pass {
@@ -361,10 +371,10 @@ fn proof_verdict(axis: &AxisVerification, several: bool) -> Markup {
             div.tiles {
                 (tile("max − min, before over after", &times(axis.improvement), ""))
                 (tile("σ, before over after", &times(axis.improvement_sigma), ""))
-                (tile("σ after", &significant(axis.after.sigma_dph, 3), "°/h"))
+                (tile("σ after", &units.number(axis.after.sigma_dph, 3), units.name()))
                 @match &axis.noise_floor {
                     Some(floor) => {
-                        (tile("noise floor", &significant(floor.value_dph, 3), "°/h"))
+                        (tile("noise floor", &units.number(floor.value_dph, 3), units.name()))
                         (tile("σ after over the floor", &significant(axis.after.sigma_dph / floor.value_dph, 3), ""))
                     }
                     None => { (tile("noise floor", "not known", "")) }
@@ -394,30 +404,31 @@ fn same_log(verification: &Verification) -> Markup {
     }
 }
 
-fn before_after(axis: &AxisVerification, verification: &Verification) -> Markup {
+fn before_after(axis: &AxisVerification, verification: &Verification, units: RateUnit) -> Markup {
+    let (factor, unit) = units.shown(&verification.unit);
     let row = |name: &str, f: &DriftValues| {
         html! {
             tr {
                 td { (name) } td { (f.n) }
                 @for value in [f.min, f.max, f.mean, f.peak_to_peak, f.sigma] {
                     // Counts have steps of their own; rates have none.
-                    td { @if verification.unit == "deg/h" { (significant(value, 5)) } @else { (format!("{value:.2}")) } }
+                    td { @if verification.unit == "deg/h" { (significant(factor * value, 5)) } @else { (format!("{value:.2}")) } }
                 }
-                td { (significant(f.sigma_dph, 3)) }
+                td { (units.number(f.sigma_dph, 3)) }
             }
         }
     };
     html! {
-        h3 { "Before and after, " (unit(&verification.unit)) }
+        h3 { "Before and after, " (unit) }
         div.scroll { table {
-            thead { tr { th { "" } th { "n" } th { "min" } th { "max" } th { "mean" } th { "max − min" } th { "σ" } th { "σ, °/h" } } }
+            thead { tr { th { "" } th { "n" } th { "min" } th { "max" } th { "mean" } th { "max − min" } th { "σ" } th { "σ, " (units.name()) } } }
             (row("before", &axis.before))
             (row("after", &axis.after))
             @if let Some(floor) = &axis.noise_floor {
                 tr {
                     td { "noise floor" } td { (floor.n) } td {} td {} td {}
-                    td { (significant(floor.expected_peak_to_peak, 3)) }
-                    td { (significant(floor.value, 3)) } td { (significant(floor.value_dph, 3)) }
+                    td { (significant(factor * floor.expected_peak_to_peak, 3)) }
+                    td { (significant(factor * floor.value, 3)) } td { (units.number(floor.value_dph, 3)) }
                 }
             }
         } }
@@ -446,7 +457,7 @@ fn scale_before_after(axis: &AxisVerification) -> Markup {
 }
 
 /// Results of the rate table, plateau by plateau.
-fn plateaus(axis: &AxisCalibration) -> Markup {
+fn plateaus(axis: &AxisCalibration, units: RateUnit) -> Markup {
     let estimate = |e: Option<PpmEstimate>| e.map_or("-".to_owned(), |e| with_sigma(e.ppm, Some(e.sigma_ppm)));
     html! {
         @if let Some(scale) = axis.scale_factor() {
@@ -461,20 +472,20 @@ fn plateaus(axis: &AxisCalibration) -> Markup {
             }
             div.scroll { table {
                 thead { tr {
-                    th { "plateau, °C" } th { "windows" } th.words { "rates, °/s" } th { "scale factor, ppm" } th { "rate at rest, °/h" }
+                    th { "plateau, °C" } th { "windows" } th.words { "rates, °/s" } th { "scale factor, ppm" } th { "rate at rest, " (units.name()) }
                     th { "nonlinearity, ppm" } th { "asymmetry, ppm" }
                 } }
                 @for p in &scale.plateaus {
                     tr {
                         td { (celsius(p.temperature_c)) } td { (p.windows) }
                         td.words { (p.rates_dps.iter().map(|r| significant(*r, 4)).collect::<Vec<_>>().join(", ")) }
-                        td { (estimate(Some(p.scale))) } td { (with_sigma(p.bias_dph, Some(p.bias_sigma_dph))) }
+                        td { (estimate(Some(p.scale))) } td { (units.with_sigma(p.bias_dph, Some(p.bias_sigma_dph))) }
                         td { (estimate(p.nonlinearity)) } td { (estimate(p.asymmetry)) }
                     }
                 }
             } }
         }
-        @for note in axis.notes(RateUnit::DegPerHour).iter().filter(|note| note.about == NoteAbout::ScaleFactor) { (said(note)) }
+        @for note in axis.notes(units).iter().filter(|note| note.about == NoteAbout::ScaleFactor) { (said(note)) }
         @for m in axis.fit.iter().flat_map(|fit| &fit.misalignment) {
             p.note { "The input axis is misaligned towards " (m.towards) " by " (with_sigma(m.arcsec, Some(m.sigma_arcsec))) " arcsec." }
         }
@@ -482,8 +493,8 @@ fn plateaus(axis: &AxisCalibration) -> Markup {
 }
 
 /// Figures of the residual of the correction.
-fn left(axis: &AxisVerification) -> Markup {
-    let rows = axis.residual_diagnostics.rows(RateUnit::DegPerHour);
+fn left(axis: &AxisVerification, units: RateUnit) -> Markup {
+    let rows = axis.residual_diagnostics.rows(units);
     html! {
         @if !rows.is_empty() {
             h3 { "Residual" }

@@ -138,12 +138,14 @@
       ...(figure.decades ? { splits: decades, filter: (u, ticks) => ticks } : {}),
       font: "12px system-ui, sans-serif", labelFont: "12.5px system-ui, sans-serif", labelSize: 22, size,
     });
+    // Room for the longest number.
+    const wide = (u, numbers) => Math.max(66, 16 + 7 * Math.max(0, ...(numbers || []).map((number) => number.length)));
     const keep = (u, min, max) => [min, max];
     const distr = figure.decades ? 3 : 1;
     const u = new uPlot({
       width: holder.clientWidth || 860, height: 340, legend: { show: false },
       scales: { x: { time: false, range: keep, distr }, y: { range: keep, distr } },
-      axes: [axis(figure.x_label, 40), axis(figure.y_label, 66)],
+      axes: [axis(figure.x_label, 40), axis(figure.y_label, wide)],
       series: [{}, { show: true, stroke: "transparent", points: { show: false } }],
       cursor: { drag: { x: true, y: true, uni: 24 }, points: { show: false }, sync: { key: figure.group, scales: ["x", null], setSeries: false } },
       hooks: {

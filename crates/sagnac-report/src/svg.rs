@@ -82,7 +82,7 @@ fn draw_on(area: &Area<'_>, figure: &Figure) -> Result<String, DrawingAreaErrorK
         .margin_top(last_row + 14)
         .margin_right(16)
         .x_label_area_size(44)
-        .y_label_area_size(72)
+        .y_label_area_size(room_for_labels(figure))
         .build_cartesian_2d(x_lo..x_hi, y_lo..y_hi)?;
     let mut marks = String::new();
     for layer in figure.layers.iter().filter(|layer| matches!(layer, Layer::Shades { .. })) {
@@ -97,10 +97,23 @@ fn draw_on(area: &Area<'_>, figure: &Figure) -> Result<String, DrawingAreaErrorK
     Ok(marks)
 }
 
+/// Width of the numbers along y with their label, px: a number in m°/s is short, the same in rad/s is not.
+fn room_for_labels(figure: &Figure) -> i32 {
+    let [lo, hi] = figure.y;
+    let whole = lo.abs().max(hi.abs()).max(1.0).log10().floor() as i32 + 1;
+    let sign = i32::from(lo < 0.0);
+    if figure.decades { 72 } else { (32 + 8 * (sign + whole + 1 + decimals_of(figure.y) as i32)).max(72) }
+}
+
+/// Decimals of the numbers along an axis.
+fn decimals_of([lo, hi]: [f64; 2]) -> usize {
+    (2.0 - (hi - lo).log10().floor()).clamp(0.0, 9.0) as usize
+}
+
 fn draw_mesh(chart: &mut PlotContext<'_, '_>, figure: &Figure) -> Drawn {
     let decades = figure.decades;
-    let text = |[lo, hi]: [f64; 2]| {
-        let decimals = (2.0 - (hi - lo).log10().floor()).clamp(0.0, 9.0) as usize;
+    let text = |range: [f64; 2]| {
+        let decimals = decimals_of(range);
         move |value: &f64| {
             if decades {
                 return power_of_ten(*value);

@@ -90,15 +90,16 @@ impl Verb for Args {
             [path] if is_curve_file(path)? => of_curve(path, self)?,
             _ => of_logs(self)?,
         };
+        let units = self.units.over(&self.setup.over(Setup::default())?);
         let mut wrote = Vec::new();
         if let Some(path) = &self.output {
             write_bytes(path, curve_csv(&budget).as_bytes())?;
             wrote.push(path.display().to_string());
         }
-        wrote.extend(self.report.written(|| noise_report(&budget))?);
-        let of_rows = |axis: &AxisBudget| row_notes(axis).into_iter().map(|note| (axis.axis, note)).collect::<Vec<_>>();
+        wrote.extend(self.report.written(|| noise_report(&budget, units))?);
+        let of_rows =
+            |axis: &AxisBudget| row_notes(axis, units).into_iter().map(|note| (axis.axis, note)).collect::<Vec<_>>();
         let notes: Vec<(char, String)> = budget.axes.iter().flat_map(of_rows).collect();
-        let units = self.units.over(&self.setup.over(Setup::default())?);
         let brief = noise_brief(&budget, &notes, &wrote, units);
         if console.is_verbose() {
             brief.say_verdict(console);
@@ -192,7 +193,7 @@ fn describe(console: &mut Console, axis: &AxisBudget, units: RateUnit) {
     } else {
         console.say(format!("axis {}: a bare curve", axis.axis));
     }
-    row_notes(axis).iter().for_each(|note| console.say(format!("  {note}")));
+    row_notes(axis, units).iter().for_each(|note| console.say(format!("  {note}")));
     let rows = AllanTerm::ALL.iter().map(|term| {
         let (factor, unit) = units.shown(term.name().1);
         let [value, interval] = term_text(axis.terms.get(*term), factor);

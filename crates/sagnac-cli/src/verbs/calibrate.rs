@@ -127,7 +127,7 @@ impl Verb for Args {
         }
         let output = self.output.as_ref().map(|path| path.display().to_string());
         let mut wrote: Vec<String> = output.iter().cloned().collect();
-        wrote.extend(self.report.written(|| calibration_report(&calibration, &report_data))?);
+        wrote.extend(self.report.written(|| calibration_report(&calibration, &report_data, units))?);
         let mut brief = calibration_brief(&calibration, &report_data, &wrote, output.as_deref(), units);
         let no_warm_up = calibration.axes.iter().filter(|axis| self.warm_up && axis.correction.warm_up.is_none());
         let axes: Vec<char> = no_warm_up.map(|axis| axis.axis).collect();

@@ -136,11 +136,11 @@ impl Verb for Args {
             Some(limits) => proof.limits(limits)?,
             None => proof,
         };
-        let wrote = self
-            .report
-            .written(|| verification_report(&verification, correction.calibration.as_ref(), &report_data, &sheet))?;
-        let rule = limits.and_then(|limits| limits.decision).unwrap_or_default();
         let units = self.units.over(&setup);
+        let wrote = self.report.written(|| {
+            verification_report(&verification, correction.calibration.as_ref(), &report_data, &sheet, units)
+        })?;
+        let rule = limits.and_then(|limits| limits.decision).unwrap_or_default();
         let brief = verification_brief(&verification, rule, &wrote, units);
         if console.is_verbose() {
             brief.say_verdict(console);

@@ -339,7 +339,7 @@ fn calibrate(args: &Args, setup: &Setup, model: Model, console: &mut Console) ->
         calibration::describe(console, axis, setup.units.unwrap_or_default());
     }
     write_record(args, &calibration, console)?;
-    args.report.write(console, || calibration_report(&calibration, &report_data))?;
+    args.report.write(console, || calibration_report(&calibration, &report_data, setup.units.unwrap_or_default()))?;
     Ok(Outcome::Done)
 }
 

@@ -11,7 +11,7 @@ use sagnac::verify::{Correction, Proof, Verification, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
 use sagnac::{Error, Result};
 use sagnac_log::ingest::{LogReader, ReadMode};
-use sagnac_log::setup::Setup;
+use sagnac_log::setup::{RateUnit, Setup};
 use sagnac_report::{Sheet, verification_report};
 use sagnac_sim::{PaperRig, csv_bytes};
 use sagnac_units::format::{significant, with_sigma};
@@ -78,7 +78,13 @@ pub(super) fn run(seed: u64, report: &ReportArgs, console: &mut Console) -> Ran 
     equations(console);
     printed_constant(console);
     report.write(console, || {
-        verification_report(&proof, correction.calibration.as_ref(), &report_data, &Sheet::default())
+        verification_report(
+            &proof,
+            correction.calibration.as_ref(),
+            &report_data,
+            &Sheet::default(),
+            RateUnit::DegPerHour,
+        )
     })?;
     Ok(Outcome::Done)
 }
