@@ -1,5 +1,7 @@
 //! The project's source as text: its packages, the modules of a crate, the paths in a file, and the words of its sentences.
 
+#[cfg(test)]
+mod book;
 pub(crate) mod modules;
 pub(crate) mod packages;
 pub(crate) mod paths;
