@@ -40,6 +40,7 @@ impl Running {
             clock: session.clock,
             stop: session.stop.clone(),
             share: None,
+            is_replay: false,
         };
         let page = Page::begin(of, SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();
         Self { _folder: folder, session, page: Some(page), gyro }

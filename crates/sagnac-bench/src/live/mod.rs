@@ -340,9 +340,10 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 fn fit(live: &Live, mut studies: Studies, from: &Receiver<Work>, rests_until: &Mutex<Option<Instant>>) {
     while let Ok((windows, noise, is_last)) = from.recv() {
         *lock(rests_until) = None;
+        let at_s = live.look(|state| state.now.t_s);
         let (study, took) = studies.next(windows, noise.as_ref(), is_last);
         live.change(|state| {
-            state.study = Arc::new(study);
+            state.study = Arc::new(Study { at_s, ..study });
             state.versions.study += 1;
         });
         *lock(rests_until) = Some(Instant::now() + took * FIT_SHARE);

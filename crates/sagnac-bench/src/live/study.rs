@@ -79,6 +79,8 @@ pub struct DeviationAt {
 pub struct Study {
     /// Length of the record, s.
     pub recorded_s: f64,
+    /// Time of the newest row when the fit began, s since the first row.
+    pub at_s: f64,
     /// Why there is no fit, if there is none.
     pub refused: Option<String>,
     /// The fit, axis by axis.

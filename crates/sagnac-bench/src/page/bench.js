@@ -7,7 +7,7 @@
   const palette = ["after", "before", "floor", "excluded", "accent", "temperature"];
   const colour = (i) => css(palette[i % palette.length]);
   const figures = { rate: null, temperature: null, residual: null, known: null, allan: null };
-  let state = null, source = null, heard = 0, loading = false;
+  let state = null, source = null, heard = 0, loading = false, lost = "", ended_at = null;
 
   const figures3 = (value) => {
     if (value === null || value === undefined || !isFinite(value)) return "–";
@@ -24,28 +24,32 @@
   };
   const put = (id, text) => { const e = at(id); if (e.textContent !== text) e.textContent = text; };
   const cell = (text, name) => { const td = document.createElement("td"); td.textContent = text; if (name) td.className = name; return td; };
+  // On a phone a row is a list: each value has its name.
+  const named = (name, text, kind) => { const td = cell(text, kind); td.dataset.name = name; return td; };
   const row = (...cells) => { const tr = document.createElement("tr"); tr.append(...cells); return tr; };
   const item = (text, name) => { const li = document.createElement("li"); li.textContent = text; if (name) li.className = name; return li; };
 
   // Figures ---------------------------------------------------------------------------------------------------------------
-  const band = (lo, hi, stroke) => (u) => {
-    const ctx = u.ctx, x = u.data[0];
-    ctx.save();
-    ctx.globalAlpha = 0.2;
-    ctx.fillStyle = stroke;
-    ctx.beginPath();
-    x.forEach((v, i) => ctx[i ? "lineTo" : "moveTo"](u.valToPos(v, "x", true), u.valToPos(lo[i], "y", true)));
-    for (let i = x.length - 1; i >= 0; i--) ctx.lineTo(u.valToPos(x[i], "x", true), u.valToPos(hi[i], "y", true));
-    ctx.fill();
-    ctx.restore();
+  // A bound lies over the plot as a line with its value.
+  const bounded = (bound) => (u) => {
+    const line = document.createElement("div"), words = document.createElement("span");
+    line.className = "bound";
+    words.textContent = `bound ${figures3(bound)} °/h`;
+    line.append(words);
+    u.over.append(line);
+    u.hooks.draw = [() => {
+      const y = u.valToPos(bound, "y");
+      line.style.top = y + "px";
+      line.classList.toggle("top", y < 26);
+    }];
   };
+  const sizeOf = (box) => ({ width: box.clientWidth, height: innerWidth < 700 ? 200 : 260 });
   const figure = (name, data, series, options = {}) => {
     const box = at("figure-" + name).querySelector(".plot");
     const legend = at("figure-" + name).querySelector(".legend");
     const old = figures[name];
-    const key = JSON.stringify([series.map((s) => [s.label, s.stroke]), options.key, root.className]);
+    const key = JSON.stringify([series.map((s) => [s.label, s.stroke]), options.bound, root.className]);
     if (old && old.key === key) {
-      old.bands = options.bands;
       old.plot.setData(data);
       return;
     }
@@ -58,18 +62,21 @@
       return span;
     }));
     const axis = (label, more) => ({ stroke: css("soft"), grid: { stroke: css("grid"), width: 1 }, ticks: { stroke: css("grid") }, label, labelSize: 20, font: "12px system-ui", labelFont: "12px system-ui", ...more });
-    const made = { key, bands: options.bands };
-    made.plot = new uPlot({
-      width: Math.max(280, box.clientWidth), height: innerWidth < 600 ? 200 : 260,
-      scales: { x: { time: false, distr: options.log ? 3 : 1 }, y: { distr: options.log ? 3 : 1 } },
-      axes: [axis(options.x), axis(options.y, { size: 64 })],
+    const number = new Intl.NumberFormat("en", { maximumSignificantDigits: 6 });
+    const ticks = options.log ? {} : { values: (u, all) => all.map((v) => number.format(v).replace("-", "−")) };
+    const bound = options.bound ?? null;
+    const range = bound === null ? undefined : (u, lo, hi) => uPlot.rangeNum(Math.min(lo ?? 0, bound), Math.max(hi ?? bound, bound), 0.1, true);
+    const plot = new uPlot({
+      ...sizeOf(box),
+      scales: { x: { time: false, distr: options.log ? 3 : 1 }, y: { distr: options.log ? 3 : 1, range } },
+      axes: [axis(options.x, { size: 30, ...ticks }), axis(options.y, { size: 56, ...ticks })],
       cursor: { drag: { x: true, y: false } },
       legend: { show: false },
-      hooks: { drawAxes: [(u) => (made.bands || []).forEach((draw) => draw(u))] },
-      series: [{}, ...series.map((s) => ({ label: s.label, stroke: s.stroke, width: s.dots ? 0 : 2, dash: s.dash, spanGaps: false,
+      hooks: { init: bound === null ? [] : [bounded(bound)] },
+      series: [{}, ...series.map((s) => ({ label: s.label, stroke: s.stroke, width: s.dots ? 0 : 2, spanGaps: false,
         paths: s.dots ? () => null : undefined, points: { show: s.dots === true, size: 5, fill: s.stroke } }))],
     }, data, box);
-    figures[name] = made;
+    figures[name] = { key, plot };
   };
 
   const drawRate = () => {
@@ -86,8 +93,9 @@
   };
   const drawFit = () => {
     const study = state.study;
-    const words = study.axes.map((a) => `axis ${a.axis}: ${a.model}; residual σ ${figures3(a.residual_dph)} °/h` + (a.floor_dph ? `, noise floor ${figures3(a.floor_dph)} °/h` : ""));
-    put("fit-words", study.axes.length ? `${words.join("; ")}; after ${long(study.recorded_s)}` : (study.refused ? "No fit yet: " + study.refused : "No fit yet."));
+    const floor = (a) => (a.floor_dph ? `, noise floor ${figures3(a.floor_dph)} °/h` : "");
+    const words = study.axes.map((a) => `Axis ${a.axis}: ${a.model}, residual σ ${figures3(a.residual_dph)} °/h${floor(a)}.`);
+    put("fit-words", study.axes.length ? `${words.join(" ")} Fitted to the first ${long(study.recorded_s)}.` : "");
     if (!study.axes.length) return;
     // Each axis has its own temperatures: one x for all, nulls elsewhere.
     const all = study.axes.flatMap((a, i) => a.residuals.map((r) => [r.temperature_c, i, r.after_dph]));
@@ -97,12 +105,8 @@
     const first = study.axes[0].curve.map((c) => c.temperature_c);
     const known = study.axes.map((a) => a.curve.map((c) => c.half_dph));
     const series = study.axes.map((a, i) => ({ label: `axis ${a.axis}`, stroke: colour(i) }));
-    const asked = state.share_dph;
-    if (asked) {
-      known.push(first.map(() => asked));
-      series.push({ label: `${figures3(asked)} °/h of ${state.share_of}`, stroke: css("bad"), dash: [6, 4] });
-    }
-    figure("known", [first, ...known], series, { x: "°C", y: "°/h" });
+    figure("known", [first, ...known], series, { x: "°C", y: "°/h", bound: state.share_dph });
+    put("known-words", "Half of the 95 % interval, °/h." + (state.share_of ? ` The bound is ${state.share_of}.` : ""));
   };
   const drawAllan = () => {
     const curves = state.study.allan.filter(([, curve]) => curve.length > 1);
@@ -127,85 +131,119 @@
   const drawNow = () => {
     const now = state.now, tiles = [];
     state.names.axes.forEach((axis, i) => tiles.push(tile("rate, axis " + axis, figures3(now.rates_dph[i]), "°/h")));
-    state.names.thermometers.forEach((name, i) => {
-      const rate = now.temperature_rates_cpm[i];
-      tiles.push(tile(name, figures3(now.temperatures_c[i]), "°C" + (rate === null || rate === undefined ? "" : `, ${figures3(rate)} °C/min`)));
+    const [first, ...others] = state.names.thermometers.map((name, i) => {
+      const rate = now.temperature_rates_cpm[i] ?? null;
+      return { name, celsius: now.temperatures_c[i] ?? null, rate: rate === null ? "" : `${rate > 0 ? "+" : ""}${figures3(rate)} °C/min` };
     });
+    const words = ({ celsius }) => (celsius === null ? "–" : celsius.toFixed(1).replace("-", "−"));
+    if (first) {
+      put("temperature-name", first.name);
+      put("temperature", words(first) + " °C");
+      put("temperature-rate", first.rate);
+    }
+    others.forEach((other) => tiles.push(tile(other.name, words(other), "°C" + (other.rate && ", " + other.rate))));
     tiles.push(tile("recorded", long(now.t_s), `${state.counts.rows} rows`));
     const drift = state.clock.drift_ppm;
     // A replay has no clock of its own.
     if (state.clock.jitter_s > 0) tiles.push(tile("jitter of arrival", figures3(1000 * state.clock.jitter_s), "ms" + (drift === null ? "" : `, clock ${figures3(drift)} ppm`)));
-    const celsius = now.temperatures_c.find((value) => value !== null && value !== undefined);
-    put("temperature", celsius === undefined ? "–" : `${celsius.toFixed(1).replace("-", "−")} °C`);
     at("tiles").replaceChildren(...tiles);
     at("sources").tBodies[0].replaceChildren(...state.sources.map((s) => row(
-      cell(s.name, "words"), cell(s.state + (s.state === "lost" ? ": " + s.why : ""), "state-" + s.state),
-      cell(s.ago_s === null ? "–" : s.ago_s.toFixed(1)), cell(String(s.bytes)))));
+      cell(s.name), named("state", s.state + (s.state === "lost" ? ": " + s.why : ""), "state-" + s.state),
+      named("last byte", s.ago_s === null ? "–" : s.ago_s.toFixed(1) + " s ago"), named("recorded", s.bytes + " bytes"))));
   };
-  // A replay has no clock of its own: it has hours to go, and no time of day.
-  const endTime = (enough) => {
-    if (state.ended || state.failed || !enough) return "";
-    if (enough.met) return "end it now";
-    if (enough.hours_to_go === null) return "end not known yet";
-    const left = `${long(3600 * enough.hours_to_go)} to go`;
-    const end = new Date(Date.now() + 3.6e6 * enough.hours_to_go);
-    return state.clock.jitter_s > 0 ? `ends about ${end.toTimeString().slice(0, 5)}, ${left}` : left;
+  // Seconds of the test until it is complete, less those since the fit that says so.
+  const toGo = () => {
+    const { enough, at_s } = state.study;
+    if (!enough || enough.met || enough.hours_to_go === null) return null;
+    return Math.max(0, 3600 * enough.hours_to_go - Math.max(0, state.now.t_s - at_s));
+  };
+  const clock = (ms) => {
+    const time = new Date(ms), day = time.toDateString() === new Date().toDateString() ? "" : time.toLocaleDateString("en-GB", { weekday: "short" }) + " ";
+    return day + time.toLocaleTimeString("en-GB", { hour: "2-digit", minute: "2-digit" });
+  };
+  // The verdict, its reason, its colour.
+  const verdict = () => {
+    const study = state.study, enough = study.enough, met = enough && enough.met;
+    if (state.ended) return [enough ? `Ended: test ${met ? "" : "not "}complete` : "Recording ended", "", met ? "pass" : ""];
+    if (lost) return ["No connection to the bench", `These values are of ${clock(heard)}. ${lost}`, "fail"];
+    if (state.failed) return ["Rows are unreadable", state.failed, "fail"];
+    if (!state.names.axes.length) return ["No rows yet", state.events.length ? `Newest event: ${state.events[state.events.length - 1].what}.` : "", ""];
+    if (study.refused) return ["No verdict yet: no fit", study.refused, ""];
+    if (!study.axes.length) return ["No verdict yet: no fit", "The first fit needs a minute of rows.", ""];
+    if (!enough) return ["No verdict: no limits", "Restart with --limits and --resume: then this page says when the test is complete.", ""];
+    const probability = Math.min(...enough.axes.map((a) => a.probability));
+    const sure = isFinite(probability) ? `Probability that all limits are met, if the model is right: ${probability.toFixed(2)}.` : "";
+    if (met) return ["Test complete", sure, "pass"];
+    const next = enough.axes.map((a) => a.next).find((n) => n), left = toGo();
+    const to = (n) => (Math.abs(n.from_c - n.to_c) < 0.5 ? `soak at ${degrees(n.to_c)} °C` : `ramp from ${degrees(n.from_c)} to ${degrees(n.to_c)} °C`);
+    return [left ? `About ${long(left)} to go` : "Keep testing", sure + (next ? ` Next: ${to(next)} for ${long(3600 * next.hours)}.` : ""), ""];
+  };
+  const drawEnd = () => {
+    const left = toGo(), met = state.study.enough && state.study.enough.met;
+    const [end, words] = state.ended ? [clock(ended_at), "ended"]
+      : met ? ["now", "the test is complete"]
+      : !left ? ["unknown", ""]
+      : state.is_replay ? [long(left), "of the replayed log"] : [clock(Date.now() + 1000 * left), "in " + long(left)];
+    put("end", end);
+    put("end-in", words);
   };
   const drawVerdict = () => {
-    const study = state.study, enough = study.enough;
-    const box = at("verdict");
-    box.className = "verdict" + (enough && enough.met ? " pass" : "");
-    if (state.failed) {
-      box.className = "verdict fail";
-      put("verdict-word", "Rows cannot be read");
-      put("verdict-text", state.failed);
-    } else if (state.ended) {
-      put("verdict-word", "The recording has ended");
-      put("verdict-text", "");
-    } else if (!enough) {
-      put("verdict-word", "Recording");
-      put("verdict-text", study.axes.length ? "No limits are asked (--limits), so the page cannot tell whether the test is complete." : (study.refused || ""));
-    } else {
-      put("verdict-word", enough.met ? "The test is complete" : "Keep testing");
-      const hours = enough.hours_to_go;
-      const next = enough.axes.map((a) => a.next).find((n) => n);
-      const to = next ? (Math.abs(next.from_c - next.to_c) < 0.5 ? `a soak at ${degrees(next.to_c)} °C` : `a ramp from ${degrees(next.from_c)} to ${degrees(next.to_c)} °C`) : "";
-      const probability = Math.min(...enough.axes.map((a) => a.probability));
-      put("verdict-text", `probability ${isFinite(probability) ? probability.toFixed(2) + " if the model is right" : "–"}`
-        + (enough.met ? "" : hours === null ? "; hours to go are not known" : "")
-        + (next && !enough.met ? `; worth most now: ${to} for ${next.hours.toFixed(1)} h` : ""));
-    }
-    put("end-time", endTime(enough));
+    const enough = state.study.enough, [word, text, name] = verdict();
+    if (state.ended) ended_at ??= Date.now();
+    at("verdict").className = "verdict " + name;
+    put("verdict-word", word);
+    put("verdict-text", text);
+    drawEnd();
+    at("missing").hidden = !enough || !enough.open.length;
     at("open").replaceChildren(...(enough ? enough.open : []).map((text) => item(text)));
-    const limits = enough ? enough.axes.flatMap((a) => a.expected.map((e) => row(cell(a.axis), cell(e.limit, "words"), cell(`${figures3(e.bound)} ${unit(e.unit)}`), cell(figures3(e.value_95))))) : [];
+    const limits = enough ? enough.axes.flatMap((a) => a.expected.map((e) => row(cell(e.limit), named("axis", a.axis),
+      named("error at 95 %", `${figures3(e.value_95)} ${unit(e.unit)}`), named("bound", `${figures3(e.bound)} ${unit(e.unit)}`)))) : [];
     at("limits-section").hidden = !limits.length;
     at("limits").tBodies[0].replaceChildren(...limits);
     const later = enough && enough.not_decided.length ? ["Decided by a retest: " + enough.not_decided.join(", ")] : [];
     const unseen = (enough ? enough.not_seen : []).map((text) => "Not seen by this test: " + text);
-    put("not-decided", unseen.concat(later).join(". "));
+    at("not-decided").replaceChildren(...unseen.concat(later).map((text) => item(text)));
   };
   const drawEvents = () => {
     const when = (ns) => new Date(ns / 1e6).toISOString().slice(0, 19).replace("T", " ") + " UTC";
     at("events").replaceChildren(...state.events.slice().reverse().map((e) => item(when(e.at_ns) + "  " + e.what)));
-    at("warnings").replaceChildren(...state.warnings.slice(0, 20).map((w) => {
-      const li = item("", w.until_s === null ? "" : "over");
-      const b = document.createElement("b");
-      b.textContent = w.words;
-      li.append(b, `since ${long(w.since_s)} of the test` + (w.until_s === null ? "" : `, over at ${long(w.until_s)}`));
-      return li;
-    }));
-    const holding = state.warnings.filter((w) => w.until_s === null).length;
+  };
+  // A warning is the fault, then after a colon its cause or its remedy. Only the fault is large, and only while it holds.
+  const warning = (words, more, holds) => {
+    const li = item("", holds ? "" : "over"), fault = document.createElement("p");
+    const [, what, why] = words.match(/^((?:axis .: )?[^]*?)(?:: ([^]*))?$/);
+    fault.textContent = what;
+    fault.className = holds ? "far" : "";
+    const sentence = (text) => text[0].toUpperCase() + text.slice(1) + ".";
+    li.append(fault, [why, more].filter((text) => text).map(sentence).join(" "));
+    return li;
+  };
+  const drawWarnings = () => {
+    const bad = state.ended ? [] : state.sources.filter((s) => s.state === "silent" || s.state === "lost");
+    const holding = state.warnings.filter((w) => w.until_s === null).length + bad.length;
     document.title = (holding ? `(${holding}) ` : "") + (state.title || "Sagnac bench");
+    const all = bad.map((s) => [`${s.name} is ${s.state}`, s.why || "check its power and its cable", true]).concat(state.warnings.slice(0, 20).map((w) =>
+      [w.words, `since ${long(w.since_s)} of the test` + (w.until_s === null ? "" : `, over at ${long(w.until_s)}`), w.until_s === null]));
+    at("warnings").replaceChildren(...all.map((one) => warning(...one)));
+  };
+  const drawMoment = () => {
+    drawNow(); drawVerdict(); drawWarnings(); drawRate(); drawTemperature();
+    at("stop").hidden = !state.may_stop || state.ended;
   };
   const drawAll = () => {
     put("title", state.title);
     put("subtitle", state.subtitle);
-    drawNow(); drawVerdict(); drawEvents(); drawRate(); drawTemperature(); drawFit(); drawAllan();
-    at("control").hidden = !state.may_stop || state.ended;
+    drawMoment(); drawEvents(); drawFit(); drawAllan();
   };
 
   // The line to the bench -------------------------------------------------------------------------------------------------
-  const line = (text, bad) => { put("link", text); at("link").className = bad ? "bad" : ""; };
+  const line = (text, bad) => {
+    lost = bad || "";
+    put("link", text);
+    at("link").className = bad ? "bad" : "";
+    at("stop").disabled = lost !== "";
+    if (state) drawVerdict();
+  };
   const load = async () => {
     const answer = await fetch("state.json", { cache: "no-store" });
     if (!answer.ok) throw new Error(String(answer.status));
@@ -215,9 +253,10 @@
   const listen = () => {
     if (source) source.close();
     source = new EventSource("events");
-    source.onopen = () => load().then(() => { heard = Date.now(); line("live"); }, () => line("the bench does not answer", true));
+    source.onopen = () => load().then(() => { heard = Date.now(); line("live"); }, () => line("no connection", "The bench does not answer."));
     source.onerror = () => {
-      line("no connection to the bench: this page goes on by itself as soon as it is back", true);
+      if (state && state.ended) line("the bench has closed");
+      else line("no connection", "This page continues by itself when the bench is back.");
       // A browser gives up after some answers; then it is asked again.
       if (source.readyState === EventSource.CLOSED) setTimeout(listen, 1000);
     };
@@ -237,13 +276,15 @@
       const gap = state.seconds.length ? state.seconds[0].t_s - end : 0;
       if (gap > 30 && !loading) { loading = true; load().finally(() => { loading = false; }); }
       line("live");
-      drawNow(); drawRate(); drawTemperature(); drawVerdict();
+      drawMoment();
     });
     source.addEventListener("study", (e) => { if (state) { Object.assign(state, JSON.parse(e.data)); drawVerdict(); drawFit(); drawAllan(); } });
-    source.addEventListener("events", (e) => { if (state) { Object.assign(state, JSON.parse(e.data)); drawEvents(); } });
+    source.addEventListener("events", (e) => { if (state) { Object.assign(state, JSON.parse(e.data)); drawEvents(); drawWarnings(); } });
     source.addEventListener("lost", () => load());
   };
-  setInterval(() => { if (heard && Date.now() - heard > 5000 && source.readyState === EventSource.OPEN) line("nothing came for " + Math.round((Date.now() - heard) / 1000) + " s", true); }, 1000);
+  setInterval(() => {
+    if (heard && Date.now() - heard > 5000 && source.readyState === EventSource.OPEN) line("no news", `The last news came ${Math.round((Date.now() - heard) / 1000)} s ago.`);
+  }, 1000);
 
   // Keys and size ---------------------------------------------------------------------------------------------------------
   const dark = (on) => { root.className = on ? "dark" : "light"; try { localStorage.setItem("sagnac-dark", on ? "1" : "0"); } catch { /* a private window */ } if (state) drawAll(); };
@@ -260,12 +301,11 @@
     else if (e.key === "d") dark(root.className !== "dark");
     else if (e.key === "Escape") Object.values(figures).forEach((f) => f && f.plot.setData(f.plot.data, true));
   });
-  let resized = 0;
-  addEventListener("resize", () => { clearTimeout(resized); resized = setTimeout(() => { for (const [name, f] of Object.entries(figures)) if (f) f.plot.setSize({ width: Math.max(280, at("figure-" + name).querySelector(".plot").clientWidth), height: innerWidth < 600 ? 200 : 260 }); }, 150); });
+  new ResizeObserver(() => { for (const f of Object.values(figures)) if (f) f.plot.setSize(sizeOf(f.plot.root.parentElement)); }).observe(at("figure-rate"));
   at("stop").addEventListener("click", async () => {
     if (!confirm("End the recording?")) return;
     const answer = await fetch("stop", { method: "POST" });
-    line(answer.ok ? "the recording is being ended" : "the bench refuses: " + answer.status, !answer.ok);
+    put("link", answer.ok ? "the recording is ending" : `the bench refuses to end: ${answer.status}`);
   });
   listen();
 })();

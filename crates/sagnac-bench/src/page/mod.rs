@@ -13,6 +13,7 @@
 
 use std::convert::Infallible;
 use std::net::{SocketAddr, TcpListener};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -67,6 +68,8 @@ pub struct PageOf {
     pub stop: Stop,
     /// What of a limit the curve may take, °/h, and which limit.
     pub share: Option<(f64, String)>,
+    /// A log is replayed: its clock is not the one on the wall.
+    pub is_replay: bool,
 }
 
 /// A page that is served.
@@ -76,6 +79,9 @@ pub struct Page {
     /// What opens it, and may end the recording.
     pub token: String,
     ends: Ends,
+    stop: Stop,
+    /// The teller says the last and ends.
+    is_over: Arc<AtomicBool>,
     server: JoinHandle<()>,
     teller: JoinHandle<()>,
 }
@@ -119,18 +125,22 @@ impl Page {
         let site = Arc::new(Site { of: page.clone(), address, token: token.clone(), ends: Arc::clone(&ends) });
         let runtime = tokio::runtime::Builder::new_current_thread().enable_io().enable_time().build();
         let runtime = runtime.map_err(|e| failed(&e))?;
-        let tells = Arc::clone(&ends);
-        let teller = spawn("page-events", move || tell(&page, &tells)).map_err(|e| no_thread(&e))?;
+        let (stop, is_over) = (page.stop.clone(), Arc::new(AtomicBool::new(false)));
+        let (tells, over) = (Arc::clone(&ends), Arc::clone(&is_over));
+        let teller = spawn("page-events", move || tell(&page, &tells, &over)).map_err(|e| no_thread(&e))?;
         let closes = Arc::clone(&ends);
         let server =
             spawn("page", move || runtime.block_on(serve(site, listener, closes))).map_err(|e| no_thread(&e))?;
-        Ok(Self { address, token, ends, server, teller })
+        Ok(Self { address, token, ends, stop, is_over, server, teller })
     }
 
-    /// Ends the page: every stream of events ends, and the port is free.
+    /// Ends the page: browsers get the end of the recording with its last fit, every stream of events ends, and the port is free.
     pub fn end(self) {
-        drop(self.ends.lock().unwrap_or_else(PoisonError::into_inner).take());
+        self.stop.stop();
+        self.is_over.store(true, Ordering::Release);
+        self.teller.thread().unpark();
         let _ = self.teller.join();
+        drop(self.ends.lock().unwrap_or_else(PoisonError::into_inner).take());
         let _ = self.server.join();
     }
 }
@@ -285,9 +295,10 @@ fn shown_sources(page: &PageOf) -> Vec<ShownSource> {
     page.sources.now().into_iter().map(shown).collect()
 }
 
-/// The newest values.
+/// The newest values, with their names: a page that was opened before the first row gets them too.
 #[derive(Serialize)]
 struct NowTold<'a> {
+    names: &'a Names,
     now: &'a Now,
     sources: Vec<ShownSource>,
     counts: crate::decode::Counts,
@@ -313,10 +324,10 @@ struct EventsTold<'a> {
 struct Whole<'a> {
     title: &'a str,
     subtitle: &'a str,
-    names: &'a Names,
     seconds: Vec<TrendPoint>,
     means: Vec<TrendPoint>,
     may_stop: bool,
+    is_replay: bool,
     share_dph: Option<f64>,
     share_of: Option<&'a str>,
     #[serde(flatten)]
@@ -329,6 +340,7 @@ struct Whole<'a> {
 
 fn now_told<'a>(page: &PageOf, state: &'a State, points: Vec<TrendPoint>) -> NowTold<'a> {
     NowTold {
+        names: &state.names,
         now: &state.now,
         sources: shown_sources(page),
         counts: state.counts,
@@ -346,10 +358,10 @@ async fn state(Shared(site): Shared<Arc<Site>>, headers: HeaderMap) -> Response 
         let whole = Whole {
             title: &page.title,
             subtitle: &page.subtitle,
-            names: &state.names,
             seconds: state.seconds(),
             means: state.means(),
             may_stop,
+            is_replay: page.is_replay,
             share_dph: page.share.as_ref().map(|(dph, _)| *dph),
             share_of: page.share.as_ref().map(|(_, limit)| limit.as_str()),
             now: now_told(page, state, Vec::new()),
@@ -379,8 +391,8 @@ fn stream_of(told: broadcast::Receiver<Told>) -> impl Stream<Item = std::result:
     })
 }
 
-/// Tells all browsers what is new, until there are no more.
-fn tell(page: &PageOf, ends: &Ends) {
+/// Tells all browsers what is new, until the page is over; that too.
+fn tell(page: &PageOf, ends: &Ends, is_over: &AtomicBool) {
     let mut known = Versions::default();
     let mut last_s = f64::NEG_INFINITY;
     loop {
@@ -388,6 +400,7 @@ fn tell(page: &PageOf, ends: &Ends) {
         let waits = std::time::Instant::now();
         page.live.wait(known, EVERY);
         std::thread::park_timeout(EVERY.saturating_sub(waits.elapsed()));
+        let is_last = is_over.load(Ordering::Acquire);
         let told = page.live.look(|state| {
             let mut told = Vec::new();
             let mut say = |name: &'static str, data: serde_json::Result<String>| {
@@ -406,10 +419,12 @@ fn tell(page: &PageOf, ends: &Ends) {
             told
         });
         let ends = ends.lock().unwrap_or_else(PoisonError::into_inner);
-        let Some(to) = ends.as_ref() else { return };
-        for one in told {
+        for (to, one) in ends.iter().flat_map(|to| told.iter().map(move |one| (to, one))) {
             // Nobody may be listening.
-            let _ = to.send(one);
+            let _ = to.send(one.clone());
+        }
+        if is_last {
+            return;
         }
     }
 }

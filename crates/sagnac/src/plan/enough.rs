@@ -203,7 +203,7 @@ impl Ways {
             let missing = request.passes.saturating_sub(passes.all());
             if missing > 0 {
                 ways.open.push(format!(
-                    "a temperature was passed {} × up and {} × down; {} × in all are asked",
+                    "a temperature was passed {} × up and {} × down, of {} × in all",
                     passes.up, passes.down, request.passes
                 ));
                 let [from_c, to_c] = if passes.up <= passes.down { [seen_lo, seen_hi] } else { [seen_hi, seen_lo] };
@@ -249,7 +249,9 @@ fn axis_so_far(
     if let (Some(limit), Some(beyond)) = (request.limits.sigma_beyond_floor_dph_max, beyond_floor(axis)) {
         say(
             beyond > limit,
-            format!("the held-out residual is {beyond:.3} °/h beyond the noise floor; the limit is {limit}"),
+            format!(
+                "the held-out residual is {beyond:.3} °/h beyond the noise floor, more than the limit of {limit} °/h"
+            ),
         );
     }
     let rate_cpm = ramp_rate(axis, request);
@@ -293,7 +295,7 @@ fn misfit_of(axis: &AxisCalibration, points: &[WindowPoint], window_s: f64, requ
     let misfit = (beyond / bins.len().max(1) as f64).max(0.0).sqrt();
     (misfit > limit).then(|| {
         format!(
-            "axis {}: the model misses the residual over temperature, heating, cooling and rest by {misfit:.4} °/h; {limit:.4} is allowed",
+            "axis {}: the model misses the residual over temperature, heating, cooling and rest by {misfit:.4} °/h, more than the allowed {limit:.4} °/h",
             axis.axis
         )
     })

@@ -130,11 +130,11 @@ pub(crate) fn lines_of(state: &State) -> Vec<String> {
         };
         let hours = match (enough.met, enough.hours_to_go) {
             (true, _) => "enough".to_owned(),
-            (false, Some(hours)) => format!("some {} h to go", significant(hours, 2)),
+            (false, Some(hours)) => format!("about {} h to go", significant(hours, 2)),
             (false, None) => "hours to go are not known".to_owned(),
         };
         let next = enough.axes.iter().find_map(|axis| axis.next.as_ref()).filter(|_| !enough.met);
-        let next = next.map_or(String::new(), |step| format!("; worth most: {}", step.words()));
+        let next = next.map_or(String::new(), |step| format!(". Next: {}", step.words()));
         lines.push(format!("  {probability}, {hours}{next}"));
         lines.extend(enough.open.iter().map(|open| format!("  open: {open}")));
         lines.extend(enough.not_seen.iter().map(|what| format!("  not seen by this test: {what}")));

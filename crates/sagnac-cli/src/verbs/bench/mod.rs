@@ -263,7 +263,7 @@ fn share_of(request: &EnoughRequest) -> Option<(f64, String)> {
         ("temperature_residual_dph_max", limits.temperature_residual_dph_max),
     ];
     let (name, limit) = named.into_iter().find_map(|(name, limit)| Some((name, limit?)))?;
-    Some((limit * request.share, format!("{name} ({} of it)", significant(request.share, 2))))
+    Some((limit * request.share, format!("{} % of {name}", significant(100.0 * request.share, 2))))
 }
 
 /// The page's address; `None` where there is to be no page.
@@ -296,6 +296,7 @@ fn page_of(
         clock: session.clock,
         stop: session.stop.clone(),
         share,
+        is_replay: is_replay(setup),
     };
     let page = match Page::begin(content.clone(), address) {
         // The usual port may be another bench's.
