@@ -89,6 +89,31 @@ fn what_is_not_asked_is_not_met() {
     sagnac().args(["verify", "-v", &record, &retest, "--limits", &table_only]).assert().code(3);
 }
 
+/// A limit of the plateaus that is not met names its plateau, in the result and in its row on the page.
+#[test]
+fn the_failing_plateau_is_named() {
+    let folder = TempDir::new().unwrap();
+    let (record, page) = (record(&folder), folder.path().join("a.html").display().to_string());
+    let limits = folder.path().join("limits.toml").display().to_string();
+    std::fs::write(&limits, "plateau_offset_dph_max = 1e-6\nplateau_sigma_dph_max = 1e-6\nramps_rms_dph_max = 1e-6\n")
+        .unwrap();
+    let args = ["verify", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits, "--report", &page, "--json"];
+    let out = sagnac().args(args).assert().code(1).get_output().clone();
+    let object: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let axis = &object["axes"][0];
+    let plateaus = &axis["residual"]["plateaus"];
+    let at = |key: &str| {
+        axis["limits"].as_array().unwrap().iter().find(|limit| limit["name"] == key).unwrap()["plateau_c"].clone()
+    };
+    assert_eq!(at("plateau_offset_dph_max"), plateaus["worst_offset_temperature_c"]);
+    assert_eq!(at("plateau_sigma_dph_max"), plateaus["worst_sigma_temperature_c"]);
+    assert_eq!(at("ramps_rms_dph_max"), Value::Null);
+    let place = format!("not met at {:.1} °C", at("plateau_offset_dph_max").as_f64().unwrap());
+    let page = std::fs::read_to_string(page).unwrap();
+    let row = page.split("<tr>").find(|row| row.contains("plateau bias, largest")).unwrap();
+    assert!(row.contains(&place.replace('-', "−")), "{place}: {row}");
+}
+
 /// The rows of the third cycle at some temperatures.
 fn cycle_3_where(folder: &TempDir, wanted: fn(f64) -> bool) -> String {
     let path = folder.path().join("part.csv").display().to_string();

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::{LogFile, PpmEstimate};
 use crate::verify::flight::position::PositionError;
 use crate::verify::limits::source::LimitsSource;
-use crate::verify::limits::verdict::{PLATEAU_OFFSET, Verdict};
+use crate::verify::limits::verdict::Verdict;
 use crate::verify::values::before_after::DriftValues;
 use crate::verify::values::diagnostics::ResidualDiagnostics;
 use crate::verify::values::rate_table::ScaleProof;
@@ -163,12 +163,13 @@ impl AxisVerification {
         self.limits.iter().find(|limit| limit.name == key)
     }
 
-    /// Where a limit that is not met fails: the plateau of the largest offset, else the run. `None` where it is met, or of the whole test.
+    /// Where a limit that is not met fails: its plateau, its run, or both. `None` where it is met, or of the whole test.
     pub fn failing_place(&self, key: &str) -> Option<String> {
         let verdict = self.limit(key).filter(|limit| limit.pass == Some(false))?;
-        let plateaus = self.residual.plateaus.filter(|_| key == PLATEAU_OFFSET);
-        let at_plateau = plateaus.map(|all| format!("at {} °C", celsius(all.worst_offset_temperature_c)));
-        at_plateau.or_else(|| Some(format!("in {}", verdict.run.as_ref()?)))
+        let plateau = verdict.plateau_c.map(|at_c| format!("at {} °C", celsius(at_c)));
+        let run = verdict.run.as_ref().map(|run| format!("in {run}"));
+        let places: Vec<String> = plateau.into_iter().chain(run).collect();
+        (!places.is_empty()).then(|| places.join(" "))
     }
 }
 

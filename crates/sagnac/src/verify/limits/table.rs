@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::PpmEstimate;
 use crate::verify::flight::position::Flight;
 use crate::verify::limits::source::{LimitsSource, Specification};
-use crate::verify::limits::verdict::{Decided, DecisionRule, PLATEAU_OFFSET, Verdict};
+use crate::verify::limits::verdict::{Decided, DecisionRule, Verdict};
 use crate::verify::values::rate_table::{MOST_UNVISITED, worst_known};
 use crate::verify::values::repeatability::RUN_WITHOUT_BIAS;
-use crate::verify::{AxisVerification, BiasRepeatability, Estimate, PlateauProof, ScaleProof};
+use crate::verify::{AxisVerification, BiasRepeatability, Estimate, PlateauProof, Plateaus, ScaleProof};
 
 /// Which side of a limit is met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -131,9 +131,20 @@ impl LimitSpec {
             return self.not_asked(limit, why);
         }
         match (self.value)(axis).filter(|(value, _)| value.is_finite()) {
-            Some(value) => self.hold(limit, value, rule, axis.hours),
+            Some(value) => self.at_plateau(axis, self.hold(limit, value, rule, axis.hours)),
             None => self.unknown(limit, self.why(axis)),
         }
+    }
+
+    /// A verdict that is not met, with the plateau whose value it is.
+    fn at_plateau(&self, axis: &AxisVerification, verdict: Verdict) -> Verdict {
+        let of = |plateaus: Plateaus| match self.key {
+            PLATEAU_SIGMA => plateaus.worst_sigma_temperature_c,
+            PLATEAU_OFFSET => Some(plateaus.worst_offset_temperature_c),
+            _ => None,
+        };
+        let failing = axis.residual.plateaus.filter(|_| verdict.pass == Some(false));
+        Verdict { plateau_c: failing.and_then(of), ..verdict }
     }
 
     /// The limit is not asked, and why.
@@ -147,6 +158,7 @@ impl LimitSpec {
             undecided_hours: None,
             margin: None,
             run: None,
+            plateau_c: None,
             pass: None,
             why: Some(why),
         }
@@ -199,6 +211,8 @@ pub(crate) const EXCLUDED: &str = "excluded_max";
 const OF_ALL: [&str; 2] = ["turn_on_sigma_dph_max", POSITION_ERROR];
 /// A correction brings σ to its noise floor, and not below.
 const LEAST_OVER_FLOOR: f64 = 0.9;
+const PLATEAU_SIGMA: &str = "plateau_sigma_dph_max";
+const PLATEAU_OFFSET: &str = "plateau_offset_dph_max";
 pub(crate) const POSITION_ERROR: &str = "position_error_m_max";
 const NO_PLATEAU: &str = "no five steady windows within 1 °C of each other";
 const NO_SLOPE: &str =

@@ -34,6 +34,9 @@ pub struct Verdict {
     /// Run whose value this is, where it is worse alone than all runs together.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run: Option<String>,
+    /// Temperature of the plateau whose value this is, °C, where the limit is not met.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub plateau_c: Option<f64>,
     /// It is met; false where it is not met or not decided; null where it is not asked of such a retest.
     pub pass: Option<bool>,
     /// Why the value is not known or not asked; of a comparison also the records whose value it is.
@@ -164,8 +167,6 @@ impl DecisionRule {
     }
 }
 
-/// The limit whose failing plateau is named.
-pub(crate) const PLATEAU_OFFSET: &str = "plateau_offset_dph_max";
 /// One-sided 95 %.
 const GUARD_SIGMAS: f64 = 1.645;
 /// Hours from which on no retest is proposed.

@@ -49,6 +49,9 @@ pub struct Plateaus {
     pub plateaus: usize,
     /// Largest σ within one, about its own mean, °/h.
     pub worst_sigma_dph: f64,
+    /// Temperature of the plateau with that σ, °C; absent in results of earlier versions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub worst_sigma_temperature_c: Option<f64>,
     /// Standard error of that σ as a part of it.
     pub worst_relative_sigma: f64,
     /// Largest distance of a plateau's mean from its run's mean, °/h.
@@ -131,6 +134,7 @@ fn plateaus(used: &[&WindowPoint]) -> Option<Plateaus> {
     Some(Plateaus {
         plateaus: values.len(),
         worst_sigma_dph: loudest.0,
+        worst_sigma_temperature_c: Some(loudest.2),
         worst_relative_sigma: (2.0 * (loudest.3 - 1.0)).sqrt().recip(),
         worst_offset_dph: worst.1,
         worst_offset_temperature_c: worst.2,
