@@ -347,8 +347,7 @@ pub(crate) fn over_temperature(report_data: &ReportData, axis: &AxisReportData, 
 /// The residual alone, heating and cooling apart, with the reach of noise.
 pub(crate) fn residual(report_data: &ReportData, axis: &AxisReportData, floor_dph: Option<f64>) -> Option<Figure> {
     let (shown, words) = thinned(report_data, used(axis));
-    let of_noise =
-        if floor_dph.is_some() { " Noise alone leaves 95 % of the points between the broken lines." } else { "" };
+    let of_noise = if floor_dph.is_some() { " Noise alone leaves 95 % of the points in the band." } else { "" };
     let caption = format!(
         "Each point is a window after the correction.{of_noise} A slope or a loop is drift that remains.{words}"
     );
@@ -360,9 +359,9 @@ pub(crate) fn residual(report_data: &ReportData, axis: &AxisReportData, floor_dp
     }
     let ends = |pick: fn(f64, f64) -> f64| shown.iter().map(|p| p.temperature_c).reduce(pick);
     if let (Some(floor), Some(lo), Some(hi)) = (floor_dph, ends(f64::min), ends(f64::max)) {
-        for edge in [-TWO_SIGMA * floor, TWO_SIGMA * floor] {
-            out.layers.push(line("95 % of noise alone", Role::Floor, &[lo, hi], vec![edge; 2], true));
-        }
+        let [below, above] = [-1.0, 1.0].map(|sign| rounded([sign * TWO_SIGMA * floor; 2]));
+        let (label, role) = ("95 % of noise alone".to_owned(), Role::Floor);
+        out.layers.insert(0, Layer::Band { label, role, x: rounded([lo, hi]), lo: below, hi: above });
     }
     out.drop_empty().framed(true)
 }

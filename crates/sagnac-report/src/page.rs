@@ -15,7 +15,7 @@ use sagnac::notes::{Note, NoteAbout, NoteLevel};
 use sagnac::verify::{AxisVerification, Correction, DriftValues, Judged, REPEATED_PROFILE, ScaleValues, Verification};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Tally, hex, sha256};
-use sagnac_units::format::{celsius, plain, printable, printable_json, significant, with_sigma};
+use sagnac_units::format::{celsius, plain, printable, printable_json, significant, times_text, with_sigma};
 
 /// Scripts and styles of the page. uPlot 1.6.32 is under the MIT licence, which is in the same folder.
 /// uPlot, which draws the figures that move.
@@ -90,7 +90,7 @@ pub fn verification_report(
             (acceptance::signatures())
             (acceptance::remarks(verification, units))
         }
-        @for axis in &verification.axes { (proof_verdict(axis, several, units)) }
+        @for axis in &verification.axes { (proof_verdict(axis, verification, units)) }
         @if judged { h2.annex { "Annex: figures and tables of each axis" } }
         @for axis in &verification.axes {
             @if several { h2.axis { "Axis " (axis.axis) } }
@@ -300,17 +300,22 @@ fn tile(name: &str, number: &str, unit: &str) -> Markup {
     html! { div.tile { div.name { (name) } div.number { (number) " " span.unit { (unit) } } } }
 }
 
-fn axis_word(axis: char, several: bool) -> String {
-    if several { format!("Axis {axis}: ") } else { String::new() }
+/// Words with their axis, where there are several, else with a capital.
+fn headline(axis: char, several: bool, words: &str) -> String {
+    if several {
+        return format!("Axis {axis}: {words}");
+    }
+    let mut rest = words.chars();
+    rest.next().map_or(String::new(), |first| first.to_uppercase().chain(rest).collect())
 }
 
-/// `drift reduced 94 times; remaining 8.3 °/h, 1.02 times the noise floor`.
-fn reduced(times: f64, remaining_dph: f64, floor_dph: Option<f64>, units: RateUnit) -> String {
-    let digits = if times < 10.0 { 2 } else { 3 };
-    let floor = floor_dph.map_or("; the noise floor is not known".to_owned(), |floor| {
-        format!(", {} times the noise floor", significant(remaining_dph / floor, 3))
-    });
-    format!("drift reduced {} times; remaining {}{floor}", significant(times, digits), units.text(remaining_dph, 3))
+/// A drift that is smaller by no more than this is not reduced: its σ scatters by some per cent.
+const NO_GAIN: f64 = 1.05;
+
+/// `drift reduced 94 times; remaining 8.3 °/h`; without a gain, that there is none.
+fn reduced(times: f64, written: &str, remaining_dph: f64, units: RateUnit) -> String {
+    let gain = if times > NO_GAIN { format!("reduced {written} times") } else { "not reduced".to_owned() };
+    format!("drift {gain}; remaining {}", units.text(remaining_dph, 3))
 }
 
 fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool, units: RateUnit) -> Markup {
@@ -320,19 +325,25 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool, 
     let used = points.map_or(0, |p| p.points.iter().filter(|p| p.excluded.is_none()).count());
     let all = points.map_or(0, |p| p.points.len());
     let logged = points.and_then(AxisReportData::logged_sigma_dph);
-    let word = match (held_out, logged) {
-        (Some(held_out), Some(logged)) => reduced(logged / held_out, held_out, floor, units),
-        (Some(_), None) => "fitted; no run has two windows to compare with".to_owned(),
+    let reduction = points.and_then(|points| points.reduction(held_out));
+    let word = match (held_out, reduction) {
+        (Some(held_out), Some(times)) => reduced(times, &times_text(times), held_out, units),
+        (Some(_), None) => "fitted; too few windows or no drift to compare with".to_owned(),
         (None, _) if axis.fit.as_ref().is_some_and(|fit| fit.prior.is_some()) => {
-            "fitted with the prior of its fleet; nothing is held out of so short a test".to_owned()
+            "fitted with the prior of its fleet; the test is too short to check the drift on unseen data".to_owned()
         }
         (None, _) => "not fitted here".to_owned(),
     };
     let model = axis.correction.model.parse::<ModelSpec>().map_or(axis.correction.model.clone(), |spec| spec.words());
     html! {
         div.verdict {
-            b.word { (axis_word(axis.axis, several)) (word) }
-            p.note { "Model: " (model) " (" code { (axis.correction.model) } ")." }
+            b.word { (headline(axis.axis, several, &word)) }
+            p.note {
+                "Model: " (model) " (" code { (axis.correction.model) } ")."
+                @if let Some(ratio) = held_out.zip(floor).map(|(left, floor)| left / floor) {
+                    " The remaining drift, on unseen data, is " (significant(ratio, 3)) " times the noise floor."
+                }
+            }
             div.tiles {
                 @if let Some(value) = logged { (tile("drift as logged, σ", &units.number(value, 3), units.name())) }
                 @if let Some(value) = held_out { (tile("on unseen data, σ", &units.number(value, 3), units.name())) }
@@ -353,12 +364,16 @@ fn said(note: &Note) -> Markup {
     html! { p.note { (word) (note.text) "." } }
 }
 
-fn proof_verdict(axis: &AxisVerification, several: bool, units: RateUnit) -> Markup {
-    let floor = axis.noise_floor.as_ref().map(|floor| floor.value_dph);
-    let gained = axis.improvement_sigma.map_or_else(
-        || format!("remaining {}", units.text(axis.after.sigma_dph, 3)),
-        |times| reduced(times, axis.after.sigma_dph, floor, units),
-    );
+fn proof_verdict(axis: &AxisVerification, verification: &Verification, units: RateUnit) -> Markup {
+    let several = verification.axes.len() > 1;
+    let remaining_dph = axis.after.sigma_dph;
+    let gained = match axis.improvement_sigma {
+        _ if !verification.training_overlap.is_empty() => {
+            "the fit has seen this log, so no reduction is stated".to_owned()
+        }
+        Some(times) => reduced(times, &significant(times, 3), remaining_dph, units),
+        None => format!("remaining {}", units.text(remaining_dph, 3)),
+    };
     let class = axis.pass.map_or("", |pass| if pass { "pass" } else { "fail" });
     let word = match axis.pass {
         Some(_) if several => format!("{}; {gained}", Judged::of(&axis.limits).words()),
@@ -367,7 +382,7 @@ fn proof_verdict(axis: &AxisVerification, several: bool, units: RateUnit) -> Mar
     let times = |ratio: Option<f64>| ratio.map_or("-".to_owned(), |r| significant(r, 3));
     html! {
         div class={ "verdict " (class) } {
-            b.word { (axis_word(axis.axis, several)) (word) }
+            b.word { (headline(axis.axis, several, &word)) }
             div.tiles {
                 (tile("max − min, before over after", &times(axis.improvement), ""))
                 (tile("σ, before over after", &times(axis.improvement_sigma), ""))

@@ -69,6 +69,11 @@ fn escaped(text: &str, is: impl Fn(char) -> bool, by: impl Fn(char) -> String) -
     Cow::Owned(out)
 }
 
+/// How many times, for people: two digits below ten, else three.
+pub fn times_text(times: f64) -> String {
+    significant(times, if times < 10.0 { 2 } else { 3 })
+}
+
 /// A number to so many significant digits.
 pub fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {

@@ -10,7 +10,7 @@ use sagnac::diagnostics::{AxisReportData, ReportData};
 use sagnac::model::ModelSpec;
 use sagnac::notes::NoteLevel;
 use sagnac_log::setup::RateUnit;
-use sagnac_units::format::{counted, significant};
+use sagnac_units::format::{counted, significant, times_text};
 
 use crate::output::brief::{Brief, Remark};
 use crate::output::terminal::{Tone, lines_of};
@@ -71,13 +71,13 @@ fn row(axis: &AxisCalibration, drawn: &AxisReportData, units: RateUnit) -> Vec<S
     let logged_dph = drawn.logged_sigma_dph();
     let unseen_dph = axis.cross_validation().map(|held_out| held_out.sigma_dph);
     let shown = |value: Option<f64>| value.map_or("-".to_owned(), |dph| units.text(dph, 3));
-    let reduction = logged_dph.zip(unseen_dph).filter(|(_, after)| *after > 0.0).map(|(before, after)| before / after);
+    let reduction = drawn.reduction(unseen_dph);
     let model = axis.correction.model.parse::<ModelSpec>().map_or(axis.correction.model.clone(), |spec| spec.words());
     vec![
         axis.axis.to_string(),
         shown(logged_dph),
         shown(unseen_dph),
-        reduction.map_or("-".to_owned(), |times| format!("{} x", significant(times, if times < 10.0 { 2 } else { 3 }))),
+        reduction.map_or("-".to_owned(), |times| format!("{} x", times_text(times))),
         curve_error_dph(axis).map_or("-".to_owned(), |half| format!("± {}", units.text(half, 2))),
         model,
     ]

@@ -82,6 +82,11 @@ impl AxisReportData {
         let freedom = used.len() - runs.len();
         (freedom > 0).then(|| (runs.iter().map(square).sum::<f64>() / freedom as f64).sqrt())
     }
+
+    /// That σ over the one on data that the fit did not see; `None` where either is missing, or nothing remains.
+    pub fn reduction(&self, unseen_dph: Option<f64>) -> Option<f64> {
+        Some(self.logged_sigma_dph()? / unseen_dph.filter(|remaining| *remaining > 0.0)?)
+    }
 }
 
 /// What of an input an effect is a function of, or what it changes.
