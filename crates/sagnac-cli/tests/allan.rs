@@ -43,7 +43,20 @@ fn allan_speaks_json_and_reads_its_own_curve() {
     let value = |object: &Value| object["axes"][0]["terms"]["n_deg_rt_h"]["value"].as_f64().unwrap();
     assert!((value(&again) / value(&object) - 1.0).abs() < 0.05, "{} and {}", value(&again), value(&object));
     let page = fs::read_to_string(html).unwrap();
-    assert!(page.contains("Terms of axis x") && page.contains("allan-x"));
+    // N, B and K with their intervals stand before the curve, in this order; the others only where they are resolved.
+    let place = |words: &str| page.find(words).unwrap_or_else(|| panic!("{words}"));
+    let listed = [
+        "Noise terms, with 95 % intervals",
+        "angle random walk N",
+        "bias instability B",
+        "rate random walk K",
+        "id=\"allan-x\"",
+    ];
+    assert!(listed.map(place).is_sorted(), "{listed:?}");
+    let cell = |name: &str| sagnac_units::format::significant(n[name].as_f64().unwrap(), 3);
+    assert!(page.contains(&format!("{} ({} … {})", cell("value"), cell("lower"), cell("upper"))));
+    let has_ramp = axis["terms"]["r_dph_h"]["value"].is_number();
+    assert_eq!(page[..place("id=\"allan-x\"")].contains("rate ramp R"), has_ramp);
 }
 
 /// A record without any deviation, and curves as spreadsheets write them: said in words, drawn or not, never for ever.

@@ -23,7 +23,7 @@ pub struct ChartPage {
     pub verdicts: Vec<(bool, String)>,
     /// Words under them: what to know before reading on.
     pub notes: Vec<String>,
-    /// Words under the first figure.
+    /// Words under the figures.
     pub remarks: Vec<String>,
     /// Tables before the figures: what a reader wants first.
     pub results: Vec<PageTable>,
@@ -219,9 +219,8 @@ pub fn chart_report(content: &ChartPage) -> Result<Report> {
         }
         @for note in &content.notes { p.note { (note) } }
         @for result in &content.results { (table(result)) }
-        (all_shown(&drawn[..drawn.len().min(1)]))
+        (all_shown(&drawn))
         @for remark in &content.remarks { p.note { (remark) } }
-        (all_shown(drawn.get(1..).unwrap_or_default()))
         @for data in &content.tables { (table(data)) }
         @for entry in &content.entries {
             section.entry id=(entry.id) {

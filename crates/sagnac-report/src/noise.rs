@@ -20,6 +20,7 @@ pub fn noise_report(budget: &NoiseBudget, units: RateUnit) -> Result<Report> {
     let mut page = ChartPage {
         title: "Noise budget".to_owned(),
         subtitle: files.join(", "),
+        notes: budget.warnings.iter().map(|warning| format!("Warning: {warning}.")).collect(),
         remarks: notes(budget, units),
         units,
         ..ChartPage::default()
@@ -83,7 +84,7 @@ fn all_axes(axes: &[AxisBudget]) -> Chart {
 }
 
 fn notes(budget: &NoiseBudget, units: RateUnit) -> Vec<String> {
-    let mut out: Vec<String> = budget.warnings.iter().map(|warning| format!("Warning: {warning}.")).collect();
+    let mut out: Vec<String> = Vec::new();
     if budget.axes.iter().any(|axis| matches!(axis.terms.get(AllanTerm::BiasInstability), TermValue::Found { .. })) {
         out.push(MEANING_OF_B.to_owned());
     }
@@ -170,21 +171,32 @@ pub fn term_text(value: &TermValue, factor: f64) -> [String; 2] {
     }
 }
 
-/// Every term with its 95 % interval, a column per axis.
+/// In the order of a data sheet. The first three are always listed, the others where an axis has them.
+const LISTED: [AllanTerm; 5] = [
+    AllanTerm::AngleRandomWalk,
+    AllanTerm::BiasInstability,
+    AllanTerm::RateRandomWalk,
+    AllanTerm::Quantization,
+    AllanTerm::RateRamp,
+];
+
+/// The terms with their 95 % intervals, a column per axis.
 fn terms_of_all(axes: &[AxisBudget], units: RateUnit) -> PageTable {
     let cell = |axis: &AxisBudget, term: AllanTerm, factor: f64| match term_text(axis.terms.get(term), factor) {
         [value, interval] if value == "-" => interval,
         [value, interval] => format!("{value} ({interval})"),
     };
-    let rows = AllanTerm::ALL.iter().map(|term| {
+    let is_found = |term: AllanTerm| axes.iter().any(|axis| matches!(axis.terms.get(term), TermValue::Found { .. }));
+    let listed = LISTED.into_iter().enumerate().filter(|(at, term)| *at < 3 || is_found(*term));
+    let rows = listed.map(|(_, term)| {
         let (factor, unit) = units.shown(term.name().1);
-        let cells = axes.iter().map(|axis| cell(axis, *term, factor));
-        [term.name().0.to_owned(), unit].into_iter().chain(cells).collect()
+        let cells = axes.iter().map(|axis| cell(axis, term, factor));
+        std::iter::once(format!("{}, {unit}", term.name().0)).chain(cells).collect()
     });
     let columns = axes.iter().map(|axis| format!("axis {}", axis.axis));
     PageTable {
         heading: "Noise terms, with 95 % intervals".to_owned(),
-        columns: ["term", "unit"].map(str::to_owned).into_iter().chain(columns).collect(),
+        columns: std::iter::once("term".to_owned()).chain(columns).collect(),
         rows: rows.collect(),
         ..PageTable::default()
     }

@@ -187,10 +187,8 @@ fn nothing_is_clipped_at_any_width() {
             let answer = measured(chromium, &report, width, &[]);
             assert_eq!(answer["clipped"], serde_json::json!([]), "{name} at {width}");
             assert_eq!(answer["wrong"], serde_json::json!([]), "{name} at {width}");
-            // Reports of several figures in a row have two columns of them on a large screen.
-            let columns = if width >= 1600 && !["survey", "compare", "noise"].contains(&name) { 2 } else { 1 };
-            assert!(answer["columns"] == columns || columns == 1, "{name} at {width}: {}", answer["columns"]);
-            assert!(width >= 1600 || answer["columns"].as_u64().unwrap() <= 1, "{name} at {width}");
+            let columns = if width >= 1600 { 2 } else { 1 };
+            assert_eq!(answer["columns"], columns, "{name} at {width}: columns of figures");
             // Less a bar for scrolling.
             let seen = answer["width"].as_u64().unwrap();
             assert!(
