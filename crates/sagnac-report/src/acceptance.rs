@@ -7,7 +7,9 @@ use crate::figure::{Figure, Layer, Role, SOLID, rounded};
 use crate::figures::figure;
 use crate::sheet::Sheet;
 use sagnac::calibration::{Calibration, LogUnit};
-use sagnac::verify::{AxisVerification, Bound, Estimate, Judged, PositionError, SPECS, Verdict, Verification};
+use sagnac::verify::{
+    AxisVerification, Bound, Estimate, Judged, LimitSpec, PositionError, SPECS, Verdict, Verification,
+};
 use sagnac_units::format::{celsius, file_name, plain, significant, unit, with_sigma};
 
 /// True where the unit was checked against limits.
@@ -138,7 +140,7 @@ fn limits_of_one(axis: &AxisVerification, words_of: impl Fn(&str) -> (String, St
             @for limit in &axis.limits {
                 @let (words, its_unit) = words_of(&limit.name);
                 tr {
-                    td.words { (words) } td.unit { (its_unit) } td { (significant(limit.limit, 4)) }
+                    td.words { (words) } td.unit { (its_unit) } td { (bound_text(limit)) }
                     td { (limit.value_text()) }
                     @if excluding { td { (limit.value_of_every_row.map_or("-".to_owned(), |value| significant(value, 4))) } }
                     td { (limit.margin_text()) }
@@ -179,7 +181,7 @@ fn limits_of_all(axes: &[&AxisVerification], words_of: impl Fn(&str) -> (String,
             } }
             @for name in names {
                 @let (words, its_unit) = words_of(name);
-                @let bound = axes.iter().find_map(|axis| judged(axis, name)).map_or(f64::NAN, |limit| limit.limit);
+                @let bound = axes.iter().find_map(|axis| judged(axis, name)).map_or(String::new(), |limit| bound_text(&limit));
                 tr {
                     td.words { (words) @if !its_unit.is_empty() { ", " (its_unit) } } td { (significant(bound, 4)) }
                     @for axis in axes {
@@ -243,12 +245,21 @@ pub(crate) fn remarks(verification: &Verification, units: RateUnit) -> Markup {
 
 /// A limit's name for people, and its unit.
 fn limit_words(name: &str) -> (String, String) {
-    let Some(spec) = SPECS.iter().find(|spec| spec.key == name) else { return (name.to_owned(), String::new()) };
-    let bound = match spec.bound {
-        Bound::Most => "at most",
-        Bound::Least => "at least",
+    let Some(spec) = spec_of(name) else { return (name.to_owned(), String::new()) };
+    (spec.label.to_owned(), unit(spec.unit))
+}
+
+/// `≤ 0.01000` or `≥ 0.9000`.
+fn bound_text(limit: &Verdict) -> String {
+    let sign = match spec_of(&limit.name).map(|spec| spec.bound) {
+        Some(Bound::Least) => "≥",
+        Some(Bound::Most) | None => "≤",
     };
-    (format!("{}, {bound}", spec.label), unit(spec.unit))
+    format!("{sign} {}", significant(limit.limit, 4))
+}
+
+fn spec_of(name: &str) -> Option<&'static LimitSpec> {
+    SPECS.iter().find(|spec| spec.key == name)
 }
 
 /// The residual, figure by figure.

@@ -172,8 +172,10 @@ fn true_minus(html: &str) -> String {
 
 /// Every printed page shows its report, its number and the number of pages.
 fn footer(title: &str) -> String {
-    let plain = |c: &char| c.is_alphanumeric() || " .,:;()[]/+-_…".contains(*c);
-    let title: String = title.chars().filter(plain).collect();
+    // Every other character by its number: a style sheet reads some of them.
+    let written =
+        |c: char| if c.is_alphanumeric() || c == ' ' { c.to_string() } else { format!("\\{:x} ", u32::from(c)) };
+    let title: String = title.chars().map(written).collect();
     format!(
         "@page {{ @bottom-left {{ content: \"{title}\"; font: 8pt sans-serif; color: #4a505b }} @bottom-right {{ content: counter(page) \" / \" counter(pages); font: 8pt sans-serif; color: #4a505b }} }}"
     )
