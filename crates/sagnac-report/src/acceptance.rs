@@ -183,7 +183,7 @@ fn limits_of_all(axes: &[&AxisVerification], words_of: impl Fn(&str) -> (String,
                 @let (words, its_unit) = words_of(name);
                 @let bound = axes.iter().find_map(|axis| judged(axis, name)).map_or(String::new(), |limit| bound_text(&limit));
                 tr {
-                    td.words { (words) @if !its_unit.is_empty() { ", " (its_unit) } } td { (significant(bound, 4)) }
+                    td.words { (words) @if !its_unit.is_empty() { ", " (its_unit) } } td { (bound) }
                     @for axis in axes {
                         @match judged(axis, name) {
                             Some(limit) => {
@@ -341,9 +341,9 @@ pub(crate) fn flight(axis: &AxisVerification) -> Markup {
 /// Position error over the flight.
 pub(crate) fn flight_figure(axis: &AxisVerification) -> Option<Figure> {
     let flown: &PositionError = axis.flight.as_ref()?;
-    let title = "What the drift does to the position";
-    let caption = "The drift over temperature that the windows show, flown through the stated profile of temperature. Noise is not in these \
-                   curves: it leaves no distance of its own but a spread, which the table gives next to them."
+    let title = "Position error of the flight";
+    let caption = "The drift over temperature, flown through the stated temperature profile. The curves are without noise: the table gives its \
+                   spread."
         .to_owned();
     let mut out = figure(axis.axis, "flight", title, caption, ["time of flight, min", "position error, m"], "flight");
     let curve = |label: &str, role: Role, y: &[f64]| Layer::Line {

@@ -77,7 +77,7 @@ fn changes(comparison: &Comparison) -> PageTable {
         vec![record, change.kind.clone(), change.what.clone(), change.from.clone(), change.to.clone()]
     };
     PageTable {
-        heading: format!("What changed since {}", name(comparison, 0)),
+        heading: format!("Changes since {}", name(comparison, 0)),
         columns: ["record", "kind", "what", "from", "to"].map(str::to_owned).to_vec(),
         rows: comparison.changes.iter().map(row).collect(),
         ..PageTable::default()
@@ -106,9 +106,9 @@ fn difference(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> Cha
     Chart {
         id: format!("{}-difference-{axis}", curve.quantity),
         group: format!("temperature-{axis}"),
-        title: format!("What changed? Axis {axis}, {}", curve.quantity),
-        caption: "The difference from the first record, with the band where it is with 95 % confidence. Where the band does not hold zero, \
-                  the gyro changed."
+        title: format!("Change of axis {axis}, {}", curve.quantity),
+        caption: "The difference from the first record, with the band where it is with 95 % confidence. Where zero is outside the band, \
+                  the gyro has changed."
             .to_owned(),
         x_label: "temperature, °C".to_owned(),
         y_label: format!("difference of {}, {}", curve.quantity, unit(&curve.unit)),
@@ -150,8 +150,8 @@ fn values(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> Chart {
     Chart {
         id: format!("{}-{axis}", curve.quantity),
         group: format!("temperature-{axis}"),
-        title: format!("Do the curves come back? Axis {axis}, {}", curve.quantity),
-        caption: "Each curve with the band where its own fit puts it with 95 % confidence.".to_owned(),
+        title: format!("Curves of axis {axis}, {}", curve.quantity),
+        caption: "Each curve with its own 95 % band.".to_owned(),
         x_label: "temperature, °C".to_owned(),
         y_label: format!("{}, {}", curve.quantity, unit(&curve.unit)),
         curves: all.clone().map(line).collect(),
@@ -169,7 +169,7 @@ fn apart(comparison: &Comparison, axis: char, curve: &ComparedCurve) -> Chart {
     Chart {
         id: format!("{}-apart-{axis}", curve.quantity),
         group: format!("temperature-{axis}"),
-        title: format!("By how many sigmas do they stand apart? Axis {axis}, {}", curve.quantity),
+        title: format!("Deviation from the mean in σ, axis {axis}, {}", curve.quantity),
         caption: "Distance of each record from the weighted mean of all, in the standard deviation of that distance. Beyond ±3 a record \
                   disagrees with the others by more than its interval explains."
             .to_owned(),

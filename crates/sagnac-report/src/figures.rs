@@ -103,8 +103,8 @@ pub(crate) fn drift(report_data: &ReportData, axis: &AxisReportData, record: &Ax
     let further =
         if record.other_signals().next().is_none() { "" } else { " and what the fit assigns to other inputs" };
     let caption = format!(
-        "Each point is a window, less the offset of its run{further}. The curve is the fit at rest, zero at {} °C; the band is where \
-         it lies with 95 % confidence.{rate}{words}",
+        "Each point is a window, less the offset of its run{further}. The curve is the fit at rest, zero at {} °C, with its 95 % \
+         band.{rate}{words}",
         record.reference_c()
     );
     let title = "Drift against temperature";
@@ -191,8 +191,8 @@ pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
          for every model.",
         knee.candidate.model, TICK_INSTRUCTIONS
     );
-    let labels = ["slow update, instructions of a Cortex-M4F", "held-out σ, °/h"];
-    let title = "What does a higher order buy, and what does it cost?";
+    let labels = ["slow update, instructions of a Cortex-M4F", "σ on unseen data, °/h"];
+    let title = "Accuracy and run time of each model";
     let mut out = figure(record.axis, "tradeoff", title, caption, labels, "instructions");
     let all =
         record.candidates().iter().filter_map(|c| Some((f64::from(c.slow_update_instructions?), c.held_out_dph?)));
@@ -226,11 +226,11 @@ pub(crate) fn soak(record: &AxisCalibration) -> Option<Figure> {
         "An hour more improves the curve as a whole by less than 3 % at any temperature.".to_owned()
     };
     let caption = format!(
-        "Standard deviation of the curve at rest, now and after so many hours of soak at that very temperature. \
-         Where the lines meet, more hours there are of no use: under slow noise the fit weights them too much. {gain}"
+        "Standard deviation of the curve at rest, now and after so many more hours of soak at each temperature. \
+         Where the lines meet, a longer soak gains nothing. {gain}"
     );
     let labels = ["temperature, °C", "σ of the drift, °/h"];
-    let title = "What would more soaking buy?";
+    let title = "Gain of a longer soak";
     let mut out = figure(record.axis, "soak", title, caption, labels, "temperature");
     let x: Vec<f64> = soak.rows.iter().map(|row| row.temperature_c).collect();
     let now = soak.rows.iter().map(|row| row.sigma_dph).collect();
@@ -247,7 +247,7 @@ pub(crate) fn soak(record: &AxisCalibration) -> Option<Figure> {
 /// Scale factor against temperature: the joint fit with its band, the plateaus with twice their σ.
 pub(crate) fn scale_factor(record: &AxisCalibration) -> Option<Figure> {
     let scale = record.scale_factor()?;
-    let caption = "The curve is the joint fit of bias and scale factor, the band where it lies with 95 % confidence. Bars: each plateau \
+    let caption = "The curve is the joint fit of bias and scale factor, with its 95 % band. Bars: each plateau \
                    by itself, by the two-direction method, with twice its standard deviation.";
     let labels = ["temperature, °C", "scale factor from nominal, ppm"];
     let title = "Scale factor against temperature";
@@ -266,8 +266,8 @@ pub(crate) fn scale_factor(record: &AxisCalibration) -> Option<Figure> {
 
 /// Scale factor at the plateaus of a proof, before and after.
 pub(crate) fn scale_proof(axis: char, proof: &ScaleProof) -> Option<Figure> {
-    let caption = "Each plateau by the two-direction method, with twice its standard deviation. The correction takes out what changes with \
-                   temperature; what remains the same is the scale factor at the reference temperature.";
+    let caption = "Each plateau by the two-direction method, with twice its standard deviation. The correction removes the change with \
+                   temperature and keeps the scale factor at the reference temperature.";
     let labels = ["temperature, °C", "scale factor from nominal, ppm"];
     let title = "Scale factor before and after";
     let mut out = figure(axis, "scale", title, caption.to_owned(), labels, "temperature");
@@ -336,7 +336,7 @@ fn runs_in_words(report_data: &ReportData) -> String {
 /// Before and after against temperature.
 pub(crate) fn over_temperature(report_data: &ReportData, axis: &AxisReportData, wording: &Wording) -> Option<Figure> {
     let (shown, words) = thinned(report_data, used(axis));
-    let caption = format!("The residual is to be a level cloud as wide as the noise.{words}");
+    let caption = format!("In a good result the residual is a level cloud, as wide as the noise.{words}");
     let title = "Before and after against temperature";
     let mut out = figure(axis.axis, "temperature", title, caption, ["temperature, °C", "drift, °/h"], "temperature");
     out.layers.push(dots(wording.before, Role::Before, shown.iter().map(|p| (p.temperature_c, p.before_dph))));
@@ -482,8 +482,8 @@ fn stretches(axis: &AxisReportData) -> Vec<(Reason, Vec<[f64; 2]>)> {
 
 /// Heating against cooling: means of temperature bins, before and after.
 pub(crate) fn hysteresis(axis: &AxisReportData, wording: &Wording) -> Option<Figure> {
-    let caption = "Means of temperature bins with twice their own σ. Heating and cooling that lie apart after the correction \
-                   are what it does not see: another lag, a gradient, hysteresis of the block.";
+    let caption = "Means of temperature bins with twice their own σ. A gap between heating and cooling after the \
+                   correction is an effect that the model lacks: another lag, a gradient, or hysteresis.";
     let labels = ["temperature, °C", "mean drift, °/h"];
     let title = "Heating against cooling";
     let mut out = figure(axis.axis, "hysteresis", title, caption.to_owned(), labels, "temperature");

@@ -35,8 +35,8 @@ pub fn fleet_report(quality: &Quality, results: &[UnitResult], order: &str) -> R
         subtitle: format!("In the order of {order}."),
         verdicts: verdicts(quality, &all),
         notes: vec![
-            "A chart's centre and σ are median and MAD of all its values. Signals by chance are those that independent normal values would make \
-             as well; more of them say that something changed, not what."
+            "A chart's centre and σ are median and MAD of all its values. Independent normal values make some signals by chance. More signals \
+             than expected mean that something changed."
                 .to_owned(),
         ],
         results: vec![

@@ -39,7 +39,7 @@ pub fn noise_report(budget: &NoiseBudget, units: RateUnit) -> Result<Report> {
         let rows = budget.excluded.iter().map(|tally| {
             vec![tally.reason.name().replace('_', " "), tally.rows.to_string(), tally.reason.meaning().to_owned()]
         });
-        page.tables.push(table("Left out", ["reason", "rows", "what it means"], rows));
+        page.tables.push(table("Left out", ["reason", "rows", "meaning"], rows));
     }
     chart_report(&page)
 }

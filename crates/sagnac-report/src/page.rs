@@ -41,8 +41,8 @@ pub fn calibration_report(calibration: &Calibration, report_data: &ReportData, u
         h1 { "Thermal calibration" @if calibration.serial != UNASSIGNED { " of " (calibration.serial) } }
         p.sub { (subtitle(calibration)) }
         p.note {
-            "Held-out figures come from data that each fit did not see. The proof is another test: " code { "sagnac verify" }
-            " replays one through the image that ships."
+            "Figures on unseen data come from windows that the fit did not use. Verify the correction on another test: " code { "sagnac verify" }
+            " runs it through the image that you will ship."
         }
         @for axis in &calibration.axes { (fit_verdict(axis, report_data, several, units)) }
         @for axis in &calibration.axes {
@@ -78,10 +78,10 @@ pub fn verification_report(
     let several = verification.axes.len() > 1;
     let judged = acceptance::is_acceptance(verification);
     let body = html! {
-        h1 { (if judged { "Acceptance test" } else { "Proof on another test" }) @if !verification.serial.is_empty() && verification.serial != UNASSIGNED { ": " (verification.serial) } }
+        h1 { (if judged { "Acceptance test" } else { "Verification on another test" }) @if !verification.serial.is_empty() && verification.serial != UNASSIGNED { ": " (verification.serial) } }
         p.sub {
-            (if verification.is_of_other_logs() { "Logs that the fit did not see, replayed" } else { "Logs replayed" })
-            " through the code and the image that ship. Windows of " (plain(verification.window_s)) " s."
+            (if verification.is_of_other_logs() { "Logs that the fit did not see, run" } else { "Logs run" })
+            " through the code and the image that you will ship. Windows of " (plain(verification.window_s)) " s."
         }
         (same_log(verification))
         @if judged {
@@ -450,7 +450,7 @@ fn before_after(axis: &AxisVerification, verification: &Verification, units: Rat
             }
         } }
         @if let Some(floor) = &axis.noise_floor {
-            p.note { "Floor: " (floor.source) ". Its max − min is what " (floor.n) " windows of noise alone would show." }
+            p.note { "Floor: " (floor.source) ". Noise alone gives its max − min in " (floor.n) " windows." }
         }
     }
 }
@@ -520,8 +520,8 @@ fn left(axis: &AxisVerification, units: RateUnit) -> Markup {
                 @for row in &rows { tr { @for cell in row { td { (cell) } } } }
             } }
             p.note {
-                "Heating less cooling: hysteresis, a gradient, another lag. Steps across gaps: mode steps, where resets are marked invalid. "
-                "Correlation of neighbours: anything slow. Limits of noise are two standard errors of white residuals."
+                "Heating minus cooling shows hysteresis, a gradient or another lag. Steps across gaps show mode steps, where resets are marked "
+                "invalid. Correlation of neighbours shows slow effects. The limits of noise are two standard errors of white residuals."
             }
         }
     }
@@ -534,7 +534,7 @@ fn excluded(tallies: &[Tally]) -> Markup {
             p { "Nothing." }
         } @else {
             div.scroll { table {
-                thead { tr { th { "reason" } th { "rows" } th.words { "first" } th.words { "what it means" } } }
+                thead { tr { th { "reason" } th { "rows" } th.words { "first" } th.words { "meaning" } } }
                 @for tally in tallies {
                     tr {
                         td { (tally.reason.name().replace('_', " ")) } td { (tally.rows) }

@@ -17,10 +17,10 @@ pub fn survey_report(survey: &Survey, windows: &Windows) -> Result<Report> {
         windows.runs.iter().flat_map(|run| &run.files).map(|file| file_name(&file.summary.file)).collect();
     let because = survey.reason.as_ref().map_or(String::new(), |why| format!(": {why}"));
     let mut page = ChartPage {
-        title: "What this log is good for".to_owned(),
+        title: "Use of this log".to_owned(),
         subtitle: files.join(", "),
         verdicts: vec![(survey.good_for == GoodFor::Calibration, format!("{}{because}", survey.good_for.name()))],
-        notes: survey.cautions.iter().map(|caution| format!("Mind: {caution}.")).collect(),
+        notes: survey.cautions.iter().map(|caution| format!("Note: {caution}.")).collect(),
         ..ChartPage::default()
     };
     page.charts.extend(coverage(survey));
@@ -53,9 +53,9 @@ fn coverage(survey: &Survey) -> Option<Chart> {
     Some(Chart {
         id: "coverage".to_owned(),
         group: "coverage".to_owned(),
-        title: "Where the test was".to_owned(),
-        caption: "Mean rate of the windows at each temperature. A calibration holds where the test was; both sides of zero separate hysteresis \
-                  and rate terms from the curve."
+        title: "Temperatures and rates of the test".to_owned(),
+        caption: "Mean rate of the windows at each temperature. A calibration holds in this area. Heating and cooling together separate \
+                  hysteresis and rate terms from the curve."
             .to_owned(),
         x_label: "temperature, °C".to_owned(),
         y_label: "temperature rate, °C/min".to_owned(),
@@ -159,12 +159,12 @@ fn unanswered(survey: &Survey) -> PageTable {
         let all = axis.unanswered.iter().flatten();
         all.map(|one| vec![axis.axis.to_string(), one.limits.join(", "), one.why.clone()])
     });
-    table("Limits that such a log has no figure for", ["axis", "limits", "why"], rows)
+    table("Limits that cannot be checked with this log", ["axis", "limits", "why"], rows)
 }
 
 fn excluded(windows: &Windows) -> PageTable {
     let rows = windows.tallies.list().into_iter().map(|tally| {
         vec![tally.reason.name().replace('_', " "), tally.rows.to_string(), tally.reason.meaning().to_owned()]
     });
-    table("Excluded rows", ["reason", "rows", "what it means"], rows)
+    table("Excluded rows", ["reason", "rows", "meaning"], rows)
 }

@@ -23,7 +23,7 @@ pub(crate) fn coefficients(axis: &AxisCalibration, units: RateUnit) -> Markup {
         } @else {
             p.note {
                 "Chebyshev polynomials of temperature scaled to " (format!("{:.3} … {:.3}", axis.span_c()[0], axis.span_c()[1]))
-                " °C, zero at " (axis.reference_c()) " °C: what the target computes with."
+                " °C, zero at " (axis.reference_c()) " °C, as the target computes them."
             }
             div.scroll { table {
                 thead { tr {
@@ -44,7 +44,7 @@ pub(crate) fn coefficients(axis: &AxisCalibration, units: RateUnit) -> Markup {
                     tr {
                         td { (parameter.name) } td { (sigma.map_or_else(|| significant(value, 3), |sigma| with_sigma(value, Some(sigma)))) }
                         td.words { (unit) } td {}
-                        td.words { @if parameter.sigma.is_none() { "not resolved: the smallest within two of its σ" } }
+                        td.words { @if parameter.sigma.is_none() { "not determined by this data: any smaller value fits as well" } }
                     }
                 }
             } }
@@ -172,7 +172,7 @@ pub(crate) fn model_search(steps: &[SearchStep], units: RateUnit) -> Markup {
                  while none is needed. " (steps.len()) " models were tried; the record holds every one of them."
             }
             div.scroll { table {
-                thead { tr { th { "step" } th.model { "model" } th { "held-out σ, " (units.name()) } th { "condition" } th.words { "" } } }
+                thead { tr { th { "step" } th.model { "model" } th { "σ on unseen data, " (units.name()) } th { "condition" } th.words { "" } } }
                 @for [step, model, held_out, condition, words] in &rows {
                     tr { td { (step) } td.model { (model) } td { (held_out) } td { (condition) } td.words { (words) } }
                 }
@@ -190,11 +190,11 @@ pub(crate) fn candidates(all: &[Candidate], units: RateUnit) -> Markup {
         @if all.len() > 1 {
             h3 { "Candidates" }
             p.note {
-                (all.len()) " models were tried on data that each fit did not see. The least held-out mean square is that of " code { (least) }
+                (all.len()) " models were tried on data that each fit did not see. The smallest σ on unseen data is that of " code { (least) }
                 "; the smallest model is selected for which no larger one is justified."
             }
             div.scroll { table {
-                thead { tr { th.model { "model" } th { "coefficients" } th { "held-out σ, " (units.name()) } th.words { "" } } }
+                thead { tr { th.model { "model" } th { "coefficients" } th { "σ on unseen data, " (units.name()) } th.words { "" } } }
                 @for candidate in rows {
                     tr.selected[candidate.chosen] {
                         td.model { (candidate.model) } td { (candidate.coefficients) }
