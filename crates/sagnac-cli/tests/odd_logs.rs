@@ -471,7 +471,7 @@ fn empty_cells_at_the_ends_of_lines_are_no_columns() {
 #[test]
 fn init_counts_the_values_that_no_log_says() {
     let folder = TempDir::new().unwrap();
-    let log = "Uhrzeit;Kammer [degF];Drehrate [mdeg/s]\n08:00:00;68,00;12,7\n08:00:10;68,00;12,8\n";
+    let log = "Uhrzeit;Kammer [degF];Drehrate [grad/min]\n08:00:00;68,00;12,7\n08:00:10;68,00;12,8\n";
     fs::write(folder.path().join("log.csv"), log).unwrap();
     let init = sagnac(folder.path(), &["init", "log.csv", "-o", "bench.toml"]);
     let line = String::from_utf8_lossy(&init.stdout);
