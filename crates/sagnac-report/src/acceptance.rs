@@ -133,14 +133,14 @@ fn limits_of_one(axis: &AxisVerification, words_of: impl Fn(&str) -> (String, St
     html! {
         div.scroll { table {
             thead { tr {
-                th { "limit" } th.words { "unit" } th { "bound" } th { "value" }
+                th { "limit" } th { "bound" } th { "value" }
                 @if excluding { th { "of every row" } }
                 th { "margin" } th.words { "" }
             } }
             @for limit in &axis.limits {
                 @let (words, its_unit) = words_of(&limit.name);
                 tr {
-                    td.words { (words) } td.unit { (its_unit) } td { (bound_text(limit)) }
+                    td.words { (words) @if !its_unit.is_empty() { ", " (its_unit) } } td { (bound_text(limit)) }
                     td { (limit.value_text()) }
                     @if excluding { td { (limit.value_of_every_row.map_or("-".to_owned(), |value| significant(value, 4))) } }
                     td { (limit.margin_text()) }

@@ -343,13 +343,19 @@ fn an_acceptance_of_one_axis_is_signed_on_its_first_page() {
     let folder = TempDir::new().unwrap();
     let file = |name: &str| testdata(&format!("chamber/{name}")).display().to_string();
     let (one, two, setup) = (file("cycle-1.csv.gz"), file("cycle-2.csv.gz"), file("bench.toml"));
-    let limits = file("acceptance.toml");
+    let limits = std::fs::read_to_string(file("acceptance.toml")).unwrap();
+    let strict = limits.replace("plateau_offset_dph_max = 0.01", "plateau_offset_dph_max = 0.0001");
+    assert_ne!(strict, limits);
+    let paragraphs =
+        "[specification.paragraphs]\nplateau_offset_dph_max = \"3.2.1\"\nimprovement_sigma_min = \"3.2.2\"\n";
+    std::fs::write(folder.path().join("limits.toml"), format!("{strict}{paragraphs}")).unwrap();
     sagnac(folder.path(), &["calibrate", &one, "--setup", &setup, "--model", "bias 3, rate 0", "-o", "u.json"]);
-    let verify =
-        ["verify", "u.json", &two, "--limits", &limits, "--report", "one.html", "--document", "T#104 \"B\" & <7>"];
-    sagnac(folder.path(), &verify);
+    let head = ["--report", "one.html", "--document", "T#104 \"B\" & <7>"];
+    let mut command = Sagnac::cargo_bin("sagnac").unwrap();
+    let verify = command.current_dir(folder.path()).args(["verify", "u.json", &two, "--limits", "limits.toml"]);
+    verify.args(head).assert().code(1);
     let pages = pages(chromium(), &folder.path().join("one.html"));
-    for words in ["bias repeatability, largest", "Tested by", "Accepted by"] {
+    for words in ["largest (§3.2.1)", "not met at", "bias repeatability, largest", "Tested by", "Accepted by"] {
         assert!(pages[0].contains(&without_blanks(words)), "{words}: {}", pages[0]);
     }
     assert!(pages.iter().all(|page| page.contains("T#104\"B\"&<7>:AcceptanceRLG-0001")), "{pages:?}");
