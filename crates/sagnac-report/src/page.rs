@@ -135,7 +135,7 @@ pub(crate) fn page(title: &str, body: &Markup, figures: Vec<Figure>) -> Result<R
                 meta http-equiv="Content-Security-Policy" content=(POLICY);
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { (title) }
-                style { (PreEscaped(UPLOT_CSS)) (PreEscaped(STYLE)) (PreEscaped(footer(&title))) }
+                style { (PreEscaped(UPLOT_CSS)) (PreEscaped(without_indents(STYLE))) (PreEscaped(footer(&title))) }
             }
             body {
                 main {
@@ -144,11 +144,16 @@ pub(crate) fn page(title: &str, body: &Markup, figures: Vec<Figure>) -> Result<R
                 }
                 script type="application/json" id="figures" { (PreEscaped(data)) }
                 script { (PreEscaped("/*\n")) (PreEscaped(UPLOT_LICENCE)) (PreEscaped("*/\n")) (PreEscaped(UPLOT_JS)) }
-                script { (PreEscaped(SCRIPT)) }
+                script { (PreEscaped(without_indents(SCRIPT))) }
             }
         }
     };
     Ok(Report { html: markup.into_string(), figures })
+}
+
+/// Style or script without the blanks at the beginnings of its lines: neither has a text of several lines.
+fn without_indents(text: &str) -> String {
+    text.lines().map(str::trim_start).collect::<Vec<_>>().join("\n")
 }
 
 /// A minus before a digit, in the text of a page, as people print it. What stands behind a letter, digit or point is a name or a date.

@@ -481,7 +481,7 @@ fn the_look_itself_sees_what_is_wrong() {
     let path = folder.path().join("demo.html");
     let good = std::fs::read_to_string(&path).unwrap();
     let broken = good
-        .replace("all();\n  matchMedia", "matchMedia")
+        .replace("all();\nmatchMedia", "matchMedia")
         .replace("<main>", "<main><img src=\"http://127.0.0.1:9/x.png\"><script>no_such_function()</script>");
     assert_ne!(good, broken);
     std::fs::write(&path, broken).unwrap();
