@@ -1,8 +1,8 @@
 //! Headers as people write them: `Gyro X (deg/s)` is `rate_dps_x`, `Chip temp [°C]` is `temperature_c_chip`.
 //!
 //! A header is recognised where its words name a quantity and a unit is stated: in brackets, in a line of units, or as a word (`gyro_x_dps`).
-//! A quantity that one column names as Sagnac does is not looked for in the others. Two columns that may be the same rate or thermometer
-//! are not recognised. Words are English, German, French and Spanish.
+//! A quantity that one column names as Sagnac does is not looked for in the others. Of two columns that may be the same thermometer
+//! neither is recognised; where two may be one rate, no rate is. Words are English, German, French and Spanish.
 
 use std::collections::BTreeMap;
 
@@ -155,10 +155,17 @@ pub fn recognised(
     // Of several times the first is read; which of two rates or thermometers is meant, no header says.
     let is_first_time = |at: usize| !all[..at].iter().flatten().any(|role| quantity_of(role) == Some(Quantity::Time));
     let is_alone = |role: &String| all.iter().flatten().filter(|other| same_place(other, role)).count() == 1;
+    // A log read without one of its axes would look whole: where one is open, all are.
+    let is_rate = |role: &&String| quantity_of(role) == Some(Quantity::Axis);
+    let are_rates_clear = all.iter().flatten().filter(is_rate).all(is_alone);
     let keep = |(at, role): (usize, &Option<String>)| {
         let role = role.clone()?;
-        let is_time = quantity_of(&role) == Some(Quantity::Time);
-        (if is_time { is_first_time(at) } else { is_alone(&role) }).then_some(role)
+        let is_kept = match quantity_of(&role)? {
+            Quantity::Time => is_first_time(at),
+            Quantity::Thermometer => is_alone(&role),
+            Quantity::Axis => are_rates_clear,
+        };
+        is_kept.then_some(role)
     };
     all.iter().enumerate().map(keep).collect()
 }
@@ -212,6 +219,8 @@ mod tests {
     fn a_missing_unit_a_table_and_doubles_are_not_recognised() {
         let free = read(&["Gyro X", "Temp", "Time (min)", "Table rate (deg/s)", "Gyro A X (dps)", "Gyro B X (dps)"]);
         assert_eq!(free, some(&["", "", "", "", "", ""]));
+        // Without x the log would look like one of y and z.
+        assert_eq!(read(&["Gyro X (dps)", "Gyro X raw (dps)", "Gyro Y (dps)"]), some(&["", "", ""]));
         assert_eq!(read(&["Time (s)", "GPS time (s)"]), some(&["time_s", ""]));
     }
 
