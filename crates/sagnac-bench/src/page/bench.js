@@ -48,6 +48,12 @@
     const box = at("figure-" + name).querySelector(".plot");
     const legend = at("figure-" + name).querySelector(".legend");
     const old = figures[name];
+    if (!data[0].length) {
+      if (old) old.plot.destroy();
+      figures[name] = null;
+      legend.replaceChildren();
+      return;
+    }
     const key = JSON.stringify([series.map((s) => [s.label, s.stroke]), options.bound, root.className]);
     if (old && old.key === key) {
       old.plot.setData(data);
@@ -167,7 +173,7 @@
     if (state.ended) return [enough ? `Ended: test ${met ? "" : "not "}complete` : "Recording ended", "", met ? "pass" : ""];
     if (lost) return ["No connection to the bench", `These values are of ${clock(heard)}. ${lost}`, "fail"];
     if (state.failed) return ["Rows are unreadable", state.failed, "fail"];
-    if (!state.names.axes.length) return ["No rows yet", state.events.length ? `Newest event: ${state.events[state.events.length - 1].what}.` : "", ""];
+    if (!state.names.axes.length) return ["No rows yet", state.events.length ? `The newest event is “${state.events[state.events.length - 1].what}”.` : "", ""];
     if (study.refused) return ["No verdict yet: no fit", study.refused, ""];
     if (!study.axes.length) return ["No verdict yet: no fit", "The first fit needs a minute of rows.", ""];
     if (!enough) return ["No verdict: no limits", "Restart with --limits and --resume: then this page says when the test is complete.", ""];
@@ -181,6 +187,7 @@
   const drawEnd = () => {
     const left = toGo(), met = state.study.enough && state.study.enough.met;
     const [end, words] = state.ended ? [clock(ended_at), "ended"]
+      : lost ? ["unknown", "no connection"]
       : met ? ["now", "the test is complete"]
       : !left ? ["unknown", ""]
       : state.is_replay ? [long(left), "of the replayed log"] : [clock(Date.now() + 1000 * left), "in " + long(left)];

@@ -96,16 +96,15 @@ impl Browser {
         }
     }
 
-    /// Waits for a verdict, and looks at it on each screen, in the dark and in the light.
-    fn shows(&self, verdict: &str) {
-        let word = format!("return document.getElementById('verdict-word').textContent.includes('{verdict}')");
-        self.until(verdict, &word);
+    /// Waits for words in a place, and looks at the page on each screen, in the dark and in the light.
+    fn shows(&self, place: &str, words: &str) {
         for (width, height) in SCREENS {
             let screen = json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 700 });
             let emulate = json!({ "cmd": "Emulation.setDeviceMetricsOverride", "params": screen });
             self.command("goog/cdp/execute", &emulate).unwrap();
             for _ in ["dark", "light"] {
-                self.until(&format!("{verdict} at {width} px"), &format!("const WIDTH = {width};{LOOK}"));
+                let page = format!("const WIDTH = {width}, PLACE = '{place}', WORDS = '{words}';{LOOK}");
+                self.until(&format!("{words} at {width} px"), &page);
                 self.key("d");
             }
         }
@@ -167,6 +166,7 @@ const LOOK: &str = r#"
     const wrong = [], at = (id) => document.getElementById(id), all = (path) => [...document.querySelectorAll(path)];
     const check = (is, words) => { if (!is) wrong.push(words); };
     const box = (e) => e.getBoundingClientRect(), style = (e) => getComputedStyle(e);
+    check(all(PLACE).some((e) => e.textContent.includes(WORDS)), 'it does not say ' + WORDS);
     check(innerWidth === WIDTH, 'it is ' + innerWidth + ' px wide');
     check(document.documentElement.scrollWidth <= WIDTH, 'it scrolls sideways');
     for (const e of all('main *')) if (e.checkVisibility() && !e.closest('.u-wrap, .scroll')) check(box(e).right <= WIDTH + 1, 'cut: ' + e.outerHTML.slice(0, 80));
@@ -184,6 +184,12 @@ const LOOK: &str = r#"
     for (const e of all('.tile .number')) check(e.nextSibling.textContent !== '', 'without a unit: ' + e.textContent);
     check(/^(−?\d+\.\d °C|– °C)$/.test(at('temperature').textContent), 'temperature ' + at('temperature').textContent);
     for (const e of all('#verdict, #warnings li, #open, figcaption')) check(!e.textContent.includes(';'), 'semicolon: ' + e.textContent);
+    const end = at('end').textContent + ', ' + at('end-in').textContent, verdict = at('verdict-word').textContent;
+    const ends = /to go/.test(verdict) ? /^(\w+ )?\d\d:\d\d, in [\d.]+ (s|min|h)$/ : /^Test complete/.test(verdict) ? /^now, / : /^Ended/.test(verdict) ? /^\d\d:\d\d, ended$/ : /^unknown, /;
+    check(ends.test(end), 'the end is ' + end);
+    // A plot without data says so.
+    for (const e of all('.plot')) check(e.querySelector('canvas') || getComputedStyle(e, '::before').content.includes('no data yet'), 'an empty plot');
+    for (const e of all('canvas')) check(e.closest('figure').querySelector('.legend').textContent !== '', 'a plot without a legend');
     // A plot fits its card, and the bound its plot.
     for (const e of all('.uplot')) check(box(e).right <= box(e.closest('figure')).right, 'plot beyond its card');
     const limits = all('#limits td:last-child'), line = document.querySelector('#figure-known .u-over .bound');
@@ -197,8 +203,9 @@ const LOOK: &str = r#"
     }
     for (const to of [document.documentElement.scrollHeight, 0]) {
         scrollTo(0, to);
-        const end = box(at('stop'));
-        check(at('stop').hidden || (end.height > 0 && end.top >= 0 && end.bottom <= innerHeight && end.right <= WIDTH), 'the button is out of reach');
+        const stop = box(at('stop'));
+        check(at('stop').hidden === verdict.startsWith('Ended'), 'the button is there: ' + !at('stop').hidden);
+        check(at('stop').hidden || (stop.height > 0 && stop.top >= 0 && stop.bottom <= innerHeight && stop.right <= WIDTH), 'the button is out of reach');
     }
     return wrong.length === 0 || wrong;"#;
 
@@ -248,12 +255,13 @@ fn the_page_is_drawn_and_comes_back() {
     page.goto(&opened).unwrap();
     page.until("the title", "return document.getElementById('title').textContent === 'RLG-<b>7</b> on the bench'");
     page.until("the dark", "return document.documentElement.className === 'dark'");
-    page.shows("No rows yet");
+    page.shows("#verdict-word", "No rows yet");
     log.write_all(("time_s,counts,temperature_c\n".to_owned() + &rows(0, 5)).as_bytes()).unwrap();
     page.until("a temperature", "return document.getElementById('temperature').textContent !== '– °C'");
-    page.until("the button", "return !document.getElementById('stop').hidden");
-    page.shows("No verdict yet: no fit");
-    log.write_all(rows(5, 4000).as_bytes()).unwrap();
+    page.shows("#verdict-word", "No verdict yet: no fit");
+    log.write_all(rows(5, 1500).as_bytes()).unwrap();
+    page.shows("#verdict-word", "to go");
+    log.write_all(rows(1500, 4000).as_bytes()).unwrap();
     page.until("figures", DRAWN);
     page.until("limits", "return document.querySelectorAll('#limits tbody tr').length >= 3");
     page.until("an event", "return document.getElementById('events').textContent.includes('connected')");
@@ -263,15 +271,11 @@ fn the_page_is_drawn_and_comes_back() {
     // The counter stops: a warning comes while the page is open.
     log.write_all((4000..4200).map(|i| format!("{},75,20.000\n", 10 * (i + 1))).collect::<String>().as_bytes())
         .unwrap();
-    page.until(
-        "a warning",
-        "return [...document.querySelectorAll('#warnings .far')].some((fault) => fault.textContent.includes('are stuck'))",
-    );
-    page.shows("");
+    page.shows("#warnings .far", "are stuck");
     // Killed: the page says so. Resumed: it goes on by itself, with what came meanwhile.
     bench.0.kill().unwrap();
     bench.0.wait().unwrap();
-    page.shows("No connection to the bench");
+    page.shows("#verdict-word", "No connection to the bench");
     log.write_all(rows(4200, 7000).as_bytes()).unwrap();
     let (_resumed, opened) = start(path, &address, &["--resume", "--limits", "limits.toml"]);
     page.until("the return", "return document.getElementById('link').textContent === 'live'");
@@ -282,13 +286,12 @@ fn the_page_is_drawn_and_comes_back() {
     page.until("figures again", DRAWN);
     page.until("the event", "return document.getElementById('events').textContent.includes('the recording goes on')");
     page.goto(&opened).unwrap();
-    page.shows("Test complete");
+    page.shows("#verdict-word", "Test complete");
     // The button asks before it ends the recording, and the page has the last word of the bench.
     page.run("setTimeout(() => document.getElementById('stop').click())");
     let begun = Instant::now();
     while page.command("alert/accept", &json!({})).is_err() {
         assert!(begun.elapsed() < PATIENCE);
     }
-    page.shows("Ended: test complete");
-    page.until("no button", "return document.getElementById('stop').hidden");
+    page.shows("#verdict-word", "Ended: test complete");
 }
