@@ -185,7 +185,10 @@ const LOOK: &str = r#"
     check(/^(−?\d+\.\d °C|– °C)$/.test(at('temperature').textContent), 'temperature ' + at('temperature').textContent);
     for (const e of all('#verdict, #warnings li, #open, figcaption')) check(!e.textContent.includes(';'), 'semicolon: ' + e.textContent);
     const end = at('end').textContent + ', ' + at('end-in').textContent, verdict = at('verdict-word').textContent;
-    const ends = /to go/.test(verdict) ? /^(\w+ )?\d\d:\d\d, in [\d.]+ (s|min|h)$/ : /^Test complete/.test(verdict) ? /^now, / : /^Ended/.test(verdict) ? /^\d\d:\d\d, ended$/ : /^unknown, /;
+    const ends = [
+        [/to go$/, /^(\w+ )?\d\d:\d\d, in [\d.]+ (s|min|h)$/], [/^Test complete$/, /^now, the test is complete$/],
+        [/^Ended/, /^\d\d:\d\d, ended$/], [/^No connection/, /^unknown, no connection$/], [/./, /^unknown, $/],
+    ].find(([says]) => says.test(verdict))[1];
     check(ends.test(end), 'the end is ' + end);
     // A plot without data says so.
     for (const e of all('.plot')) check(e.querySelector('canvas') || getComputedStyle(e, '::before').content.includes('no data yet'), 'an empty plot');
