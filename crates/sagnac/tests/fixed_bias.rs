@@ -4,6 +4,7 @@ use crate::hostile::{Bench, usual};
 use crate::support::fit_with;
 use crate::support::rows::Log as _;
 use sagnac::calibration::Calibration;
+use sagnac::export::{data_sheet, encode};
 use sagnac::fit::FitOptions;
 use sagnac::verify::{Correction, VerifyOptions, verify};
 use sagnac_log::setup::Setup;
@@ -51,4 +52,27 @@ fn a_bias_of_unknown_input_is_not_removed() {
     let error = made(&setup, true).unwrap_err();
     assert!(error.what.contains("fixed bias of axis x is unknown") && error.help.contains("input_rate_dph"), "{error}");
     assert!(made(&setup, false).is_ok());
+}
+
+/// The data sheet states the correction that the image computes, a removed bias included: the difference is of integers alone.
+#[test]
+fn the_data_sheet_has_a_removed_bias_in_it() {
+    let sheet = |removes: bool| {
+        let calibration = made(&Setup { serial: Some("G-1".to_owned()), ..Bench::setup() }, removes).unwrap();
+        let image = encode(&calibration, &calibration.axes[0], [0; 32], 1).unwrap();
+        data_sheet(&calibration, &calibration.axes[0], &image)
+    };
+    let (kept, removed) = (sheet(false), sheet(true));
+    let rows = |sheet: &str| -> Vec<[f64; 3]> {
+        let budget = sheet.split_once("image − record, °/h |").unwrap().1;
+        let cells = |line: &str| line.split('|').filter_map(|cell| cell.trim().parse().ok()).collect::<Vec<f64>>();
+        let lines = budget.lines().skip(2).take_while(|line| line.starts_with('|'));
+        lines.map(|line| cells(line)).map(|cells| [cells[0], cells[1], cells[3]]).collect()
+    };
+    assert!(rows(&kept).len() > 5 && rows(&kept).len() == rows(&removed).len());
+    for ([celsius, with, _], [_, without, difference]) in rows(&kept).into_iter().zip(rows(&removed)) {
+        assert!((without - with - BIAS_DPH).abs() < 0.02, "{celsius} °C: {with} and {without}");
+        assert!(difference.abs() < 1e-4, "{celsius} °C: {difference}");
+    }
+    assert!(removed.contains("The correction has the fixed bias in it: ") && !kept.contains("fixed bias in it"));
 }

@@ -14,7 +14,7 @@ use std::fmt::Write as _;
 use sagnac_core::{Compensator, Image, State, Status, ValueSource};
 use sagnac_log::ingest::sha256;
 use sagnac_units::NS_PER_S;
-use sagnac_units::format::{one_line, plain, significant};
+use sagnac_units::format::{one_line, plain, significant, with_sigma};
 
 use super::{Code, codes, image_bytes};
 use crate::calibration::{AxisCalibration, Calibration};
@@ -181,15 +181,21 @@ fn budget(out: &mut String, calibration: &Calibration, axis: &AxisCalibration, i
          | T, °C | correction, °/h | interval, ± °/h | image − record, °/h |\n|---|---|---|---|",
         cell(&main.name)
     );
+    let removed_dph = axis.correction.fixed_bias.map_or(0.0, |bias| bias.value_dph);
     for point in 0..POINTS {
         let celsius = main.span[0] + (main.span[1] - main.span[0]) * f64::from(point) / f64::from(POINTS - 1);
         let on_target = at_rest(axis, image, celsius);
         let here = axis.evaluate(on_target.map_or(celsius, |(celsius, _)| celsius), 0.0);
+        let corrected_dph = here.drift_dph + removed_dph;
         let half = here.upper_dph.map_or("–".to_owned(), |upper| significant(upper - here.drift_dph, 3));
-        let error = on_target.map_or("–".to_owned(), |(_, dph)| significant(dph - here.drift_dph, 2));
-        let _ = writeln!(out, "| {:.3} | {} | {half} | {error} |", here.temperature_c, significant(here.drift_dph, 6));
+        let error = on_target.map_or("–".to_owned(), |(_, dph)| significant(dph - corrected_dph, 2));
+        let _ = writeln!(out, "| {:.3} | {} | {half} | {error} |", here.temperature_c, significant(corrected_dph, 6));
     }
     out.push('\n');
+    if let Some(bias) = axis.correction.fixed_bias {
+        let value = with_sigma(bias.value_dph, Some(bias.sigma_dph));
+        let _ = writeln!(out, "The correction has the fixed bias in it: {value} °/h, mean of {} runs.\n", bias.runs);
+    }
     if image.inputs().iter().any(|input| matches!(input.source, ValueSource::Difference { .. })) {
         out.push_str("The target was not run here: a difference of two inputs has no reference of its own there.\n\n");
     }
