@@ -266,25 +266,25 @@ fn spec_of(name: &str) -> Option<&'static LimitSpec> {
 pub(crate) fn residual(axis: &AxisVerification, units: RateUnit) -> Markup {
     let left = &axis.residual;
     let estimate = |e: Estimate| units.with_sigma(e.value, Some(e.sigma));
-    let (name_of, slope_of) = (units.name().to_owned(), |per: &str| format!("{} per {per}", units.name()));
+    let (rate, per) = (|| units.name().to_owned(), |of: &str| format!("{} per {of}", units.name()));
     let (walk_factor, walk_unit) = units.shown("deg/rt h");
     let mut rows: Vec<(String, String, String)> = Vec::new();
     if let Some(p) = left.plateaus {
         let name = format!("largest plateau offset of {}, at {} °C", p.plateaus, celsius(p.worst_offset_temperature_c));
-        rows.push((name, estimate(p.worst_offset_dph), name_of.clone()));
-        rows.push(("largest σ within a plateau".to_owned(), units.number(p.worst_sigma_dph, 3), name_of.clone()));
+        rows.push((name, estimate(p.worst_offset_dph), rate()));
+        rows.push(("largest σ within a plateau".to_owned(), units.number(p.worst_sigma_dph, 3), rate()));
     }
     if let Some(rms) = left.ramps_rms_dph {
-        rows.push(("root mean square in ramps".to_owned(), units.number(rms, 3), name_of.clone()));
+        rows.push(("root mean square in ramps".to_owned(), units.number(rms, 3), rate()));
     }
     if let Some(offset) = left.ramp_offset_dph {
-        rows.push(("mean of ramps less mean of soaks".to_owned(), estimate(offset), name_of.clone()));
+        rows.push(("mean of ramps less mean of soaks".to_owned(), estimate(offset), rate()));
     }
     if let Some(slope) = left.temperature_slope {
-        rows.push(("drift with temperature".to_owned(), estimate(slope), slope_of("°C")));
+        rows.push(("drift with temperature".to_owned(), estimate(slope), per("°C")));
     }
     if let Some(slope) = left.rate_slope {
-        rows.push(("drift with its rate".to_owned(), estimate(slope), slope_of("°C/min")));
+        rows.push(("drift with its rate".to_owned(), estimate(slope), per("°C/min")));
     }
     if let Some(walk) = left.random_walk {
         rows.push((
@@ -299,10 +299,10 @@ pub(crate) fn residual(axis: &AxisVerification, units: RateUnit) -> Markup {
         ));
     }
     if let Some(smooth) = left.over_temperature_dph {
-        rows.push(("smooth residual over temperature, rms".to_owned(), estimate(smooth), name_of.clone()));
+        rows.push(("smooth residual over temperature, rms".to_owned(), estimate(smooth), rate()));
     }
     if let Some(b) = left.bias_instability_dph {
-        rows.push(("bias instability, from the least Allan deviation".to_owned(), estimate(b), name_of.clone()));
+        rows.push(("bias instability, from the least Allan deviation".to_owned(), estimate(b), rate()));
     }
     html! {
         @if !rows.is_empty() {

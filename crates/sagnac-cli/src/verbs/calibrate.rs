@@ -68,7 +68,7 @@ pub(crate) struct Args {
     #[arg(long)]
     warm_up: bool,
     /// Remove the fixed bias at T0 too; needs the input rate, 0 included
-    #[arg(long, conflicts_with = "prior")]
+    #[arg(long)]
     remove_bias: bool,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]

@@ -238,9 +238,18 @@ fn guesses_of(columns: &[SampleColumn]) -> Vec<Option<Guess>> {
     let mut used: BTreeSet<String> = sure.iter().flatten().map(|role| kind_of(role)).collect();
     let one = |(column, role): (&SampleColumn, Option<String>)| match role {
         Some(role) => Some(Guess { role, guessed: Vec::new() }),
-        None => guess(column, &mut used),
+        None => guess(column, &mut used).map(|guess| next_to_others(column, guess)),
     };
     columns.iter().zip(sure).map(one).collect()
+}
+
+/// A role that the reader does not give at once is a guess, however plain the header: other columns may be the same.
+fn next_to_others(column: &SampleColumn, mut guess: Guess) -> Guess {
+    let is_sure = guess.role == column.header || guess.role == "ignore" || column.is_dates();
+    if guess.guessed.is_empty() && !is_sure {
+        guess.guessed.push("other columns are of this quantity too".to_owned());
+    }
+    guess
 }
 
 /// What a column is; `None` where nothing says it. No role is given twice.

@@ -68,8 +68,8 @@ pub(crate) fn bare(unit: &str) -> String {
     unit.to_lowercase().trim_matches(['[', ']', '(', ')']).trim().to_owned()
 }
 
-/// The axis of a rate or a count among the words of its header, as the ending `_x`; empty where there is none. `gx` names one where the
-/// unit is one of rates: without, it may be an acceleration.
+/// Whether the first word is `gx` or `wx` in a unit of rates, which makes it a rate (without the unit it may be an acceleration), and the
+/// axis of a rate or a count among the words of its header, as the ending `_x`; empty where there is none.
 pub fn axis_of(unit: Option<&str>, words: &[String]) -> (bool, String) {
     let first = words.first().map_or("", String::as_str);
     let by_letter = first.strip_prefix(['g', 'w']).filter(|axis| AXES.contains(axis));
@@ -106,8 +106,9 @@ fn certain(header: &str, unit: Option<&str>, cell: Option<&str>) -> Option<Strin
         return Some(format!("temperature_{ending}{}", thermometer_of(&words)));
     }
     let (by_letter, axis) = axis_of(unit, &words);
-    ((has(&RATE) || by_letter) && !has(&NO_GYRO))
-        .then(|| Some(format!("rate_{}{axis}", stated(unit, &words, RATE_UNITS)?)))?
+    let is_gyro = (has(&RATE) || by_letter) && !has(&NO_GYRO);
+    let ending = stated(unit, &words, RATE_UNITS).filter(|_| is_gyro)?;
+    Some(format!("rate_{ending}{axis}"))
 }
 
 /// Quantities of which a log may have named a column already.
