@@ -67,7 +67,7 @@ fn the_data_sheet_has_a_removed_bias_in_it() {
         let budget = sheet.split_once("image − record, °/h |").unwrap().1;
         let cells = |line: &str| line.split('|').filter_map(|cell| cell.trim().parse().ok()).collect::<Vec<f64>>();
         let lines = budget.lines().skip(2).take_while(|line| line.starts_with('|'));
-        lines.map(|line| cells(line)).map(|cells| [cells[0], cells[1], cells[3]]).collect()
+        lines.map(cells).map(|cells| [cells[0], cells[1], cells[3]]).collect()
     };
     assert!(rows(&kept).len() > 5 && rows(&kept).len() == rows(&removed).len());
     for ([celsius, with, _], [_, without, difference]) in rows(&kept).into_iter().zip(rows(&removed)) {
