@@ -454,7 +454,7 @@ fn the_prior_of_a_fleet_is_that_of_its_units() {
     let with_report = [&with_prior[..], &["--report", "alone.html"]].concat();
     assert_eq!(it.run(&with_report).0, 0);
     let page = fs::read_to_string(it.path("alone.html")).unwrap();
-    assert!(page.contains("fitted with the prior of its fleet") && !page.contains("not fitted here"));
+    assert!(page.contains("Fitted with the prior of its fleet") && !page.to_lowercase().contains("not fitted here"));
     let record = fs::read(it.path("alone.cal.json")).unwrap();
     assert_eq!(record, fs::read(it.path("next-fleet/records/RLG-50.cal.json")).unwrap());
     let hash = sagnac_log::ingest::sha256_of_file(&it.path("fleet.prior.json")).unwrap();
