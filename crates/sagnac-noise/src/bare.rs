@@ -3,7 +3,7 @@
 //! A curve does not state the uncertainty of its points. If the length of its record is known, they count as points of a
 //! fully overlapping deviation. Otherwise every point has the same weight and the terms have no interval.
 
-use crate::budget::{AxisBudget, CurvePoint, Model, TermValue, Terms, interval};
+use crate::budget::{AxisBudget, CONFIDENCE, CurvePoint, Model, RawPoint, TermValue, Terms, interval};
 use crate::difference::Deviation;
 use crate::freedom::Stretches;
 use crate::terms::{AllanTerm, Point, fit_terms};
@@ -70,6 +70,8 @@ fn budget(curve: &BareCurve, points: Vec<CurvePoint>, terms: Terms) -> AxisBudge
         hadamard: Vec::new(),
         terms,
         misfit: None,
+        law_range: None,
+        periods: Vec::new(),
         disturbed: None,
         fitted: None,
     }
@@ -88,11 +90,17 @@ fn known_length(curve: &BareCurve, record_s: f64) -> AxisBudget {
         apart
     };
     let usable = curve.points.iter().filter(|(tau_s, _)| *tau_s <= record_s / 3.0).filter(|(tau_s, _)| apart(*tau_s));
-    let points = usable.map(|(tau_s, adev)| (tau_s / tau0_s, adev * adev, record_s / tau_s));
-    let model = Model::new(points.collect(), tau0_s, &stretches);
+    let point = |(tau_s, adev): &(f64, f64)| RawPoint {
+        m: tau_s / tau0_s,
+        variance: adev * adev,
+        edf: record_s / tau_s,
+        uncertain: 0.0,
+    };
+    let points: Vec<RawPoint> = usable.map(point).collect();
+    let model = Model::of_bare(&points, tau0_s, &stretches);
     let shown = curve.points.iter().map(|(tau_s, adev_dph)| {
         let edf = model.edf(Deviation::Allan, tau_s / tau0_s).filter(|edf| *edf > 0.0);
-        let [lower_dph, upper_dph] = interval(adev_dph * adev_dph, edf);
+        let [lower_dph, upper_dph] = interval(adev_dph * adev_dph, edf, CONFIDENCE);
         CurvePoint { tau_s: *tau_s, adev_dph: *adev_dph, lower_dph, upper_dph, n: None, edf }
     });
     let (terms, misfit) = (model.terms(), model.misfit());

@@ -22,7 +22,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::freedom::Record;
-use crate::terms::{AllanTerm, FittedTerms, Point, deviance, fit_terms, fit_terms_beside, least_deviance};
+use crate::terms::{AllanTerm, FittedTerms, Laws, Point, deviance};
 
 /// Curves drawn.
 const DRAWS: usize = 400;
@@ -56,6 +56,8 @@ pub(crate) enum Spread {
         /// Upper end.
         upper: f64,
     },
+    /// A filter hides it.
+    Hidden,
     /// Not distinguished from zero.
     Unresolved {
         /// Upper bound; infinite where the curve does not bound it.
@@ -71,24 +73,25 @@ pub(crate) struct Estimates {
     pub(crate) traded: Vec<AllanTerm>,
 }
 
-/// Uncertainty of the terms, given a record and its curve. Each point may have additional scatter of its own, of
-/// `scatter_edf` degrees of freedom; infinite for none.
+/// Uncertainty of the terms, given a record and its curve. Each point may have additional scatter of its own:
+/// `scatter` is 1/edf of it.
 pub(crate) struct TermUncertainty<'a> {
     pub(crate) record: &'a Record<'a>,
     pub(crate) measured: &'a [Point],
     pub(crate) multiples: &'a [f64],
-    pub(crate) scatter_edf: f64,
+    pub(crate) scatter: &'a [f64],
+    pub(crate) laws: Laws,
 }
 
 impl TermUncertainty<'_> {
     /// The distribution of the curve for some noise, and the profile of the measured one with the same degrees of freedom.
     fn under(&self, noise: &FittedTerms) -> (Curves, Profile) {
         let record = Record { noise: noise.noise(), ..*self.record };
-        let curves = Curves::new(&record, self.multiples, self.scatter_edf);
+        let curves = Curves::new(&record, self.multiples, self.scatter, self.laws);
         let pairs = self.measured.iter().zip(&curves.expected);
         let points: Vec<Point> = pairs.map(|(measured, expected)| Point { edf: expected.edf, ..*measured }).collect();
-        let least = least_deviance(&points);
-        (curves, Profile { points, least })
+        let least = self.laws.least_deviance(&points);
+        (curves, Profile { points, least, laws: self.laws })
     }
 
     pub(crate) fn of_terms(&self, fitted: &FittedTerms) -> Estimates {
@@ -96,7 +99,7 @@ impl TermUncertainty<'_> {
         let mut thresholds = thresholds(&curves, fitted, &AllanTerm::ALL, DRAWS);
         let resolved = of_resolved(&profile.spreads(fitted, &thresholds));
         // Where a term is not distinguished from zero, zero may be the truth; near that limit the others scatter more.
-        let without = fit_terms(&profile.points, &resolved).filter(|_| resolved.len() < AllanTerm::ALL.len());
+        let without = self.laws.fit(&profile.points, &resolved).filter(|_| resolved.len() < AllanTerm::ALL.len());
         if let Some(without) = &without {
             let beside = self::thresholds(&self.under(without).0, without, &AllanTerm::ALL, DRAWS);
             thresholds.iter_mut().zip(beside).for_each(|(mine, theirs)| *mine = mine.max(theirs));
@@ -115,7 +118,7 @@ impl TermUncertainty<'_> {
     /// and profile are computed at the bound, until it converges.
     fn bound(&self, term: AllanTerm, mut at_most: f64, fitted: f64) -> f64 {
         for _ in 0..BOUND_ROUNDS {
-            let there = fit_terms_beside(self.measured, term, at_most.powi(2));
+            let there = self.laws.fit_next_to(self.measured, term, at_most.powi(2));
             let (curves, profile) = self.under(&there);
             let threshold = thresholds(&curves, &there, &[term], BOUND_DRAWS)[0];
             let next = profile.upper(term, fitted, threshold).sqrt();
@@ -132,14 +135,15 @@ impl TermUncertainty<'_> {
 /// The terms that have an interval.
 fn of_resolved(spreads: &[Spread]) -> Vec<AllanTerm> {
     let all = AllanTerm::ALL.into_iter().zip(spreads);
-    all.filter(|(_, spread)| matches!(spread, Spread::Interval { .. })).map(|(term, _)| term).collect()
+    all.filter(|(_, spread)| !matches!(spread, Spread::Unresolved { .. })).map(|(term, _)| term).collect()
 }
 
 /// Unresolved terms of which any one, added to the resolved ones, explains the curve when the resolved ones alone do not.
 fn traded(profile: &Profile, spreads: &[Spread], thresholds: &[f64]) -> Vec<AllanTerm> {
     let resolved = of_resolved(spreads);
     let excess = |terms: &[AllanTerm]| {
-        fit_terms(&profile.points, terms).map_or(f64::INFINITY, |f| deviance(&profile.points, &f)) - profile.least
+        profile.laws.fit(&profile.points, terms).map_or(f64::INFINITY, |f| deviance(&profile.points, &f))
+            - profile.least
     };
     let highest = thresholds.iter().fold(0.0_f64, |most, threshold| most.max(*threshold));
     if resolved.is_empty() || excess(&resolved) <= highest {
@@ -159,9 +163,9 @@ fn thresholds(curves: &Curves, truth: &FittedTerms, terms: &[AllanTerm], draws: 
     let apart: Vec<Vec<f64>> = drawn
         .par_iter()
         .map(|points| {
-            let least = least_deviance(points);
+            let least = curves.laws.least_deviance(points);
             let excess = |term: &AllanTerm| {
-                let beside = fit_terms_beside(points, *term, truth.coefficient(*term));
+                let beside = curves.laws.fit_next_to(points, *term, truth.coefficient(*term));
                 (deviance(points, &beside) - least).max(0.0)
             };
             terms.iter().map(excess).collect()
@@ -182,12 +186,16 @@ fn thresholds(curves: &Curves, truth: &FittedTerms, terms: &[AllanTerm], draws: 
 struct Profile {
     points: Vec<Point>,
     least: f64,
+    laws: Laws,
 }
 
 impl Profile {
     fn spreads(&self, fitted: &FittedTerms, thresholds: &[f64]) -> Vec<Spread> {
         let spread = |(term, threshold): (AllanTerm, &f64)| {
             let value = fitted.coefficient(term);
+            if self.laws.filtered && term == AllanTerm::Quantization {
+                return Spread::Hidden;
+            }
             let upper = self.upper(term, value, *threshold).sqrt();
             match self.lower(term, value, *threshold).sqrt() {
                 lower if lower > LEAST_RATIO * value.sqrt() => Spread::Interval { lower, upper },
@@ -198,7 +206,7 @@ impl Profile {
     }
 
     fn fits(&self, term: AllanTerm, value: f64, threshold: f64) -> bool {
-        deviance(&self.points, &fit_terms_beside(&self.points, term, value)) - self.least <= threshold
+        deviance(&self.points, &self.laws.fit_next_to(&self.points, term, value)) - self.least <= threshold
     }
 
     /// The smallest value that fits; 0 if the curve also fits without the term.
@@ -244,17 +252,18 @@ struct Curves {
     expected: Vec<Point>,
     /// Turns independent normal values into correlated ones.
     mix: DMatrix<f64>,
+    laws: Laws,
 }
 
 impl Curves {
-    fn new(record: &Record<'_>, multiples: &[f64], scatter_edf: f64) -> Self {
-        let with_scatter = |edf: f64| (1.0 / edf + 1.0 / scatter_edf).recip();
+    fn new(record: &Record<'_>, multiples: &[f64], scatter: &[f64], laws: Laws) -> Self {
         let expected: Vec<Point> = multiples
             .iter()
-            .map(|m| Point {
+            .zip(scatter)
+            .map(|(m, scatter)| Point {
                 tau_s: m * record.tau0_s,
                 variance: record.expected(*m),
-                edf: with_scatter(record.edf(*m)),
+                edf: (record.edf(*m).recip() + scatter).recip(),
             })
             .collect();
         let size = multiples.len();
@@ -281,7 +290,7 @@ impl Curves {
                 row /= norm;
             }
         }
-        Self { expected, mix }
+        Self { expected, mix, laws }
     }
 
     fn draw(&self, rng: &mut ChaCha8Rng) -> Vec<Point> {

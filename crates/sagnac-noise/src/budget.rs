@@ -6,12 +6,14 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::bootstrap::{Spread, TermUncertainty};
 use crate::difference::{Deviation, Difference};
 use crate::freedom::{Record, Stretches};
+use crate::law_range::Agreement;
+use crate::periods::Period;
 use crate::pyramid::FULL_OVERLAP;
 use crate::recorder::{Recorded, Recorder};
 use crate::screen::{Disturbed, RowPlace, Screened};
 use crate::slope::{Slope, slope_of};
 use crate::taus::{LONGEST_PART, TauError, Taus};
-use crate::terms::{AllanTerm, FittedTerms, Point, fit_terms};
+use crate::terms::{AllanTerm, FittedTerms, Laws, Point};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 use sagnac_units::format::significant;
 
@@ -20,6 +22,21 @@ pub const CONFIDENCE: f64 = 0.95;
 /// Largest mean squared distance of the points from the model, in units of their variances. Beyond it the five terms do not
 /// describe the curve. Points of an overlapping curve are correlated, so the mean scatters more than χ²/n.
 const MISFIT: f64 = 4.0;
+/// Least ratio of τ·σ² at neighbouring octaves behind a filter: scatter, and the overshoot of four poles.
+const RISES: f64 = 0.85;
+/// Octaves from the shortest on that a dither or a beat may shape.
+const MOST_OF_DITHER: usize = 4;
+/// Highest σ² behind a low-pass filter, over N² and its frequency.
+const HIGHEST_OF_FILTER: f64 = 1.2;
+/// Uncertainty of a period's part in σ², and the least of σ² that is not a period's.
+const PERIOD_UNCERTAIN: f64 = 0.1;
+const LEAST_REST: f64 = 0.02;
+/// Least part of σ² that a period makes at some τ: a smaller one is of no account.
+const LEAST_BEND: f64 = 0.02;
+/// Confidence of a point's interval where each of a dozen must lie above a term.
+const BEYOND_CHANCE: f64 = 0.999;
+/// Scatter about the five laws, as a part of σ, beyond which they do not describe a curve at all.
+const MOST_SCATTER: f64 = 0.1;
 /// Halvings in the search for the scatter that explains a misfit.
 const HALVINGS: usize = 40;
 /// Fewest τ that separate the terms.
@@ -174,6 +191,16 @@ pub struct DisturbedRows {
     pub alternative_terms: Terms,
 }
 
+/// The τ at which the five laws hold.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct LawRange {
+    /// From this τ on, s. Below it a filter, readings that repeat, a dither or a beat shape the curve.
+    pub from_s: f64,
+    /// −3 dB frequency of the filter, Hz, to about 10 % for any order; null where a filter is not what shapes the curve.
+    pub filter_hz: Option<f64>,
+}
+
 /// The noise of one axis.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[non_exhaustive]
@@ -201,6 +228,10 @@ pub struct AxisBudget {
     /// Scatter of the curve about the five terms beyond chance, as a fraction of σ; null where there is none.
     /// The intervals of the terms include it.
     pub misfit: Option<f64>,
+    /// Where the five laws begin to hold; null where they hold at all τ.
+    pub law_range: Option<LawRange>,
+    /// Periods of the rate, the strongest first. The terms exclude them; the curve includes them.
+    pub periods: Vec<Period>,
     /// Rows that are far from those around them; null where there are none.
     pub disturbed: Option<DisturbedRows>,
     /// The model as fitted, for drawing: (τ s, deviation °/h).
@@ -245,15 +276,24 @@ pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: 
     let limit = usize::try_from(longest / LONGEST_PART).unwrap_or(usize::MAX);
     let fit =
         variances(Deviation::Allan).filter(|(m, variance, _)| m.is_power_of_two() && *m <= limit && *variance > 0.0);
-    let fit = fit.map(|(m, variance, number)| (m as f64, variance, number / m as f64));
-    let model = Model::new(fit.collect(), tau0_s, &recorded.stretches);
+    let fit: Vec<(usize, f64, f64)> = fit.collect();
+    let highest = fit.iter().map(|(_, variance, _)| *variance).fold(0.0, f64::max);
+    let periods: Vec<Period> = recorded.series.periods(tau0_s, arcsec);
+    let bends = |period: &Period| {
+        fit.iter().any(|(m, variance, _)| period.variance(*m as f64 * tau0_s) > LEAST_BEND * variance)
+    };
+    let periods: Vec<Period> = periods.into_iter().filter(bends).collect();
+    let without = |(m, variance, number)| RawPoint::without(&periods, tau0_s, m, variance, number / m as f64);
+    let fit: Vec<RawPoint> = fit.into_iter().map(without).collect();
+    let model = Model::new(&fit, tau0_s, &recorded.stretches);
     let curve = variances(Deviation::Allan).filter(|(m, ..)| asked(*m)).map(|(m, variance, n)| {
         let edf = model.edf(Deviation::Allan, m as f64);
-        let [lower_dph, upper_dph] = interval(variance, edf);
+        let [lower_dph, upper_dph] = interval(variance, edf, CONFIDENCE);
         CurvePoint { tau_s: m as f64 * tau0_s, adev_dph: variance.sqrt(), lower_dph, upper_dph, n: Some(n), edf }
     });
+    let curve: Vec<CurvePoint> = curve.collect();
     let hadamard = variances(Deviation::Hadamard).filter(|(m, ..)| asked(*m)).map(|(m, variance, n)| {
-        let [lower_dph, upper_dph] = interval(variance, model.edf(Deviation::Hadamard, m as f64));
+        let [lower_dph, upper_dph] = interval(variance, model.edf(Deviation::Hadamard, m as f64), CONFIDENCE);
         HadamardPoint { tau_s: m as f64 * tau0_s, hdev_dph: variance.sqrt(), lower_dph, upper_dph, n }
     });
     AxisBudget {
@@ -264,10 +304,12 @@ pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: 
         filled_rows: recorded.filled,
         sample_interval_s: tau0_s,
         full_overlap_s: (!recorded.full_overlap).then_some(FULL_OVERLAP as f64 * tau0_s),
-        curve: curve.collect(),
         hadamard: hadamard.collect(),
         terms: model.terms(),
         misfit: model.misfit(),
+        law_range: model.law_range(highest),
+        periods,
+        curve,
         disturbed: None,
         fitted: model.fitted,
     }
@@ -296,35 +338,111 @@ pub fn budget_of_screened(
     used
 }
 
+/// A point of a curve without its periods.
+pub(crate) struct RawPoint {
+    /// τ in rows.
+    pub(crate) m: f64,
+    /// σ²(τ), (°/h)².
+    pub(crate) variance: f64,
+    /// First guess of its degrees of freedom.
+    pub(crate) edf: f64,
+    /// 1/edf from what the periods left in it.
+    pub(crate) uncertain: f64,
+}
+
+impl RawPoint {
+    /// Takes the periods out, each uncertain by [`PERIOD_UNCERTAIN`] of its part.
+    fn without(periods: &[Period], tau0_s: f64, m: usize, variance: f64, edf: f64) -> Self {
+        let parts = periods.iter().map(|period| period.variance(m as f64 * tau0_s));
+        let (sum, squares) = parts.fold((0.0, 0.0), |(sum, squares), part| (sum + part, squares + part * part));
+        let rest = (variance - sum).max(LEAST_REST * variance);
+        let uncertain = PERIOD_UNCERTAIN.powi(2) * squares / (rest * rest) / 2.0;
+        Self { m: m as f64, variance: rest, edf, uncertain }
+    }
+}
+
 /// The five terms of a curve, with the known properties of its record.
 pub(crate) struct Model<'a> {
     pub(crate) fitted: Option<FittedTerms>,
     /// Degrees of freedom of a point from additional scatter, the same at every τ.
     scatter_edf: f64,
+    /// 1/edf of each point from what a period left in it.
+    uncertain: Vec<f64>,
+    /// Of the octaves at which the laws hold.
     multiples: Vec<f64>,
     points: Vec<Point>,
+    laws: Laws,
+    /// The laws describe the points, or too few points to be judged.
+    agrees: bool,
+    /// The shortest octaves fall below N²/τ by more than chance.
+    falls_short: bool,
     tau0_s: f64,
     stretches: &'a Stretches,
 }
 
 impl<'a> Model<'a> {
-    /// From (m, σ², first guess of the degrees of freedom). Fit and degrees of freedom depend on each other: a few iterations.
-    pub(crate) fn new(points: Vec<(f64, f64, f64)>, tau0_s: f64, stretches: &'a Stretches) -> Self {
-        let multiples: Vec<f64> = points.iter().map(|(m, ..)| *m).collect();
-        let point = |(m, variance, edf): &(f64, f64, f64)| Point { tau_s: m * tau0_s, variance: *variance, edf: *edf };
-        let mut fit: Vec<Point> = points.iter().map(point).collect();
-        let fitted = fit_terms(&fit, &AllanTerm::ALL);
-        let (scatter_edf, points) = (f64::INFINITY, Vec::new());
-        let mut model = Self { fitted, scatter_edf, multiples, points, tau0_s, stretches };
+    /// From (m, σ², first guess of the degrees of freedom): the laws from the first τ on at which they hold.
+    pub(crate) fn new(points: &[RawPoint], tau0_s: f64, stretches: &'a Stretches) -> Self {
+        let plain = Self::of(points, Laws::PLAIN, tau0_s, stretches);
+        let Some(found) = plain.agreement().filter(|of| !of.holds || of.below_zero) else { return plain };
+        let from = |first: usize| Self::of(&points[first..], Laws::FILTERED, tau0_s, stretches);
+        let last = points.len().saturating_sub(FEWEST_TAUS);
+        let first = (0..=last).find(|first| from(*first).agreement().is_none_or(|of| of.holds));
+        let falls_short = |model: &Self| model.agreement().is_some_and(|of| of.below_zero);
+        let falls_short = found.below_zero || first.is_some_and(|first| falls_short(&from(first)));
+        // Behind a filter τ·σ² rises to N²; motion and resonances make it fall somewhere.
+        let shaped = &points[..=first.unwrap_or(0)];
+        let rises = shaped.windows(2).all(|pair| pair[1].m * pair[1].variance > RISES * pair[0].m * pair[0].variance);
+        let falls_short = falls_short && rises;
+        // A disagreement within the scatter that intervals include is not worth a term.
+        if !falls_short && plain.misfit().is_none() {
+            return plain;
+        }
+        // A dither or a beat ends within a few octaves; motion that goes on is not the end of one.
+        let first = first.filter(|first| falls_short || *first <= MOST_OF_DITHER);
+        // What just passes is still bent: one octave more costs little and leaves nothing of it.
+        let lawful = first.map(|first| from((first + 1).min(last)));
+        let lawful = lawful.filter(|model| model.agreement().is_some_and(|of| of.holds));
+        Self { falls_short, ..lawful.unwrap_or(Self { agrees: false, ..plain }) }
+    }
+
+    /// Of all points of a bare curve, whose rows nobody has seen.
+    pub(crate) fn of_bare(points: &[RawPoint], tau0_s: f64, stretches: &'a Stretches) -> Self {
+        Self::of(points, Laws::PLAIN, tau0_s, stretches)
+    }
+
+    /// Of all of these points. Fit and degrees of freedom depend on each other: a few iterations.
+    fn of(raw: &[RawPoint], laws: Laws, tau0_s: f64, stretches: &'a Stretches) -> Self {
+        let point = |p: &RawPoint| Point { tau_s: p.m * tau0_s, variance: p.variance, edf: p.edf };
+        let mut fit: Vec<Point> = raw.iter().map(point).collect();
+        let mut model = Self {
+            fitted: laws.fit(&fit, &AllanTerm::ALL),
+            scatter_edf: f64::INFINITY,
+            uncertain: raw.iter().map(|p| p.uncertain).collect(),
+            multiples: raw.iter().map(|p| p.m).collect(),
+            points: Vec::new(),
+            laws,
+            agrees: true,
+            falls_short: false,
+            tau0_s,
+            stretches,
+        };
         for _ in 0..ROUNDS {
-            for (point, m) in fit.iter_mut().zip(&model.multiples) {
-                point.edf = model.edf(Deviation::Allan, *m).unwrap_or(point.edf);
+            for (point, raw) in fit.iter_mut().zip(raw) {
+                let edf = model.edf(Deviation::Allan, raw.m).unwrap_or(raw.edf);
+                point.edf = (edf.recip() + raw.uncertain).recip();
             }
-            model.fitted = fit_terms(&fit, &AllanTerm::ALL);
+            model.fitted = laws.fit(&fit, &AllanTerm::ALL);
         }
         model.explain_misfit(&fit);
         model.points = fit;
         model
+    }
+
+    /// Whether the laws describe the curve.
+    fn agreement(&self) -> Option<Agreement> {
+        let (fitted, record) = (self.fitted.as_ref()?, self.record(Deviation::Allan)?);
+        Agreement::of(&self.points, &self.multiples, &self.uncertain, fitted, &record)
     }
 
     /// Where the points lie too far from the model, finds the scatter that explains the misfit and fits again with it. Signals
@@ -334,7 +452,7 @@ impl<'a> Model<'a> {
         let with = |scatter_edf: f64| -> Option<(f64, FittedTerms)> {
             let spread: Vec<Point> =
                 points.iter().map(|p| Point { edf: (1.0 / p.edf + 1.0 / scatter_edf).recip(), ..*p }).collect();
-            let fitted = fit_terms(&spread, &AllanTerm::ALL)?;
+            let fitted = self.laws.fit(&spread, &AllanTerm::ALL)?;
             let away = |p: &Point| p.edf / 2.0 * (p.variance / fitted.variance(p.tau_s) - 1.0).powi(2);
             Some((spread.iter().map(away).sum::<f64>() / freedom, fitted))
         };
@@ -367,6 +485,8 @@ impl<'a> Model<'a> {
     pub(crate) fn edf(&self, deviation: Deviation, m: f64) -> Option<f64> {
         // One point fits any noise and gives no information on its uncertainty.
         let record = self.record(deviation).filter(|_| self.multiples.len() > 1)?;
+        // Rows that a filter joins are fewer than they seem: as few as at the shortest lawful τ.
+        let m = if self.laws.filtered { m.max(self.multiples.first().copied().unwrap_or(m)) } else { m };
         // Every existing difference has at least one.
         Some(record.edf(m)).filter(|edf| *edf > 0.0).map(|edf| edf.max(1.0))
     }
@@ -380,12 +500,17 @@ impl<'a> Model<'a> {
                 "fewer than four octaves of τ above zero determine no slopes: the longest stretch is shorter than 24 rows, or silent",
             );
         }
+        if !self.agrees && self.misfit().is_some_and(|part| part > MOST_SCATTER) {
+            return Terms::from_each(|term| TermValue::Unresolved { unresolved: self.without_law(term) });
+        }
         let longest_s = self.multiples.last().map_or(0.0, |m| m * self.tau0_s);
-        let (measured, multiples, scatter_edf) = (&self.points[..], &self.multiples[..], self.scatter_edf);
-        let estimates = TermUncertainty { record: &record, measured, multiples, scatter_edf }.of_terms(fitted);
+        let (measured, multiples, laws) = (&self.points[..], &self.multiples[..], self.laws);
+        let scatter: Vec<f64> = self.uncertain.iter().map(|own| own + self.scatter_edf.recip()).collect();
+        let uncertainty = TermUncertainty { record: &record, measured, multiples, scatter: &scatter, laws };
+        let estimates = uncertainty.of_terms(fitted);
         let mut spreads = estimates.spreads.into_iter();
         Terms::from_each(|term| match spreads.next() {
-            Some(Spread::Interval { lower, upper }) => match self.not_shown(term, fitted) {
+            Some(Spread::Interval { lower, upper }) => match self.not_shown(term, fitted, lower) {
                 Some(unresolved) => TermValue::Unresolved { unresolved },
                 None => TermValue::Found {
                     value: term.in_its_unit(fitted.root(term)),
@@ -393,9 +518,14 @@ impl<'a> Model<'a> {
                     upper: Some(term.in_its_unit(upper)),
                 },
             },
+            Some(Spread::Hidden) => TermValue::Unresolved { unresolved: self.hidden() },
             Some(Spread::Unresolved { at_most }) => {
-                // Scatter widens a bound beyond the curve itself.
-                let most = if self.misfit().is_some() { at_most.min(self.most_by_the_curve(term)) } else { at_most };
+                // Scatter widens a bound beyond the curve itself, which bounds the slow terms whatever shapes it at short τ.
+                let most = match (self.agrees && self.misfit().is_none(), term) {
+                    (true, _) => at_most,
+                    (false, AllanTerm::Quantization | AllanTerm::AngleRandomWalk) => f64::INFINITY,
+                    (false, _) => at_most.min(self.most_by_the_curve(term, CONFIDENCE)),
+                };
                 let unresolved = not_resolvable(term, longest_s, term.in_its_unit(most), &estimates.traded);
                 TermValue::Unresolved { unresolved }
             }
@@ -403,14 +533,66 @@ impl<'a> Model<'a> {
         })
     }
 
-    /// The largest root of a term that the upper ends of the curve allow: no term is more than the curve.
-    fn most_by_the_curve(&self, term: AllanTerm) -> f64 {
-        let upper = |p: &Point| interval(p.variance, Some(p.edf))[1].map(|end| end / term.variance(p.tau_s).sqrt());
+    /// Why there is no term. A filter lowers the curve at short τ, so that it bounds the slow terms only.
+    fn without_law(&self, term: AllanTerm) -> String {
+        let slow = !matches!(term, AllanTerm::Quantization | AllanTerm::AngleRandomWalk);
+        let most = Some(self.most_by_the_curve(term, CONFIDENCE)).filter(|most| slow && most.is_finite());
+        let bound = most.map_or(String::new(), |most| {
+            format!("; the curve allows at most {} {}", significant(term.in_its_unit(most), 2), term.name().1)
+        });
+        format!("the curve follows the five laws at none of its τ{bound}")
+    }
+
+    /// Where the laws begin. The highest σ² of white noise behind a filter is 1.2·N²·f to 5 % for one pole and for Butterworth's two
+    /// and four (the integral of NIST SP 1065, eq. 65, over N²·|H|²).
+    fn law_range(&self, highest: f64) -> Option<LawRange> {
+        let from_s = self.multiples.first().filter(|_| self.laws.filtered)? * self.tau0_s;
+        let n2 = self.fitted?.coefficient(AllanTerm::AngleRandomWalk);
+        let filter_hz = (self.is_behind_filter() && n2 > 0.0).then(|| highest / (HIGHEST_OF_FILTER * n2));
+        Some(LawRange { from_s, filter_hz })
+    }
+
+    /// N in arcsec/√s of a curve that a filter shapes at short τ; zero where it shapes all of it, `None` for any other curve.
+    pub(crate) fn filtered(&self) -> Option<f64> {
+        let n = self.fitted.filter(|_| self.agrees).map_or(0.0, |fitted| fitted.root(AllanTerm::AngleRandomWalk));
+        self.falls_short.then_some(n)
+    }
+
+    /// The coefficient of 1/τ² is below zero.
+    fn is_behind_filter(&self) -> bool {
+        self.laws.filtered && self.fitted.is_some_and(|fitted| fitted.coefficient(AllanTerm::Quantization) < 0.0)
+    }
+
+    /// Why there is no quantization.
+    fn hidden(&self) -> String {
+        let from_s = self.multiples.first().map_or(0.0, |m| m * self.tau0_s);
+        let what =
+            if self.is_behind_filter() { "a filter hides it" } else { "a dither, a beat or a disturbance hides it" };
+        format!("not resolvable: the five laws hold from τ = {} s on, and {what} below", significant(from_s, 2))
+    }
+
+    /// The largest root of a term that the upper ends of the curve allow: no term is more than the curve, but for what a filter
+    /// takes from it.
+    fn most_by_the_curve(&self, term: AllanTerm, confidence: f64) -> f64 {
+        let taken = self.fitted.map_or(0.0, |fitted| fitted.coefficient(AllanTerm::Quantization).min(0.0));
+        let upper = |p: &Point| {
+            let end = interval(p.variance, Some(p.edf), confidence)[1]?;
+            let whole = end * end - taken * AllanTerm::Quantization.variance(p.tau_s);
+            Some((whole / term.variance(p.tau_s)).sqrt())
+        };
         self.points.iter().filter_map(upper).fold(f64::INFINITY, f64::min)
     }
 
     /// Why a term that has an interval is none, where the five terms do not describe the curve.
-    fn not_shown(&self, term: AllanTerm, fitted: &FittedTerms) -> Option<String> {
+    fn not_shown(&self, term: AllanTerm, fitted: &FittedTerms, lower: f64) -> Option<String> {
+        let most = self.most_by_the_curve(term, BEYOND_CHANCE);
+        if lower > most {
+            let (_, unit) = term.name();
+            return Some(format!(
+                "not one of the five terms describes the curve: it falls below this one; it allows at most {} {unit}",
+                significant(term.in_its_unit(most), 2)
+            ));
+        }
         let spread = |p: &Point| Point { edf: (1.0 / p.edf + 1.0 / self.scatter_edf).recip(), ..*p };
         let points: Vec<Point> = self.points.iter().map(spread).collect();
         let slope = if self.misfit().is_some() { slope_of(term, fitted, &points) } else { Slope::Shown };
@@ -427,7 +609,7 @@ impl<'a> Model<'a> {
                 significant(model, 2)
             ),
         };
-        let most = self.most_by_the_curve(term);
+        let most = self.most_by_the_curve(term, CONFIDENCE);
         let bound = format!("; the curve allows at most {} {unit}", significant(term.in_its_unit(most), 2));
         Some(format!(
             "not one of the five terms describes the curve: {why}{}",
@@ -449,10 +631,10 @@ fn not_resolvable(term: AllanTerm, longest_s: f64, at_most: f64, traded: &[Allan
 }
 
 /// Ends of a deviation's interval: σ·√(edf/χ²).
-pub(crate) fn interval(variance: f64, edf: Option<f64>) -> [Option<f64>; 2] {
+pub(crate) fn interval(variance: f64, edf: Option<f64>, confidence: f64) -> [Option<f64>; 2] {
     let chi = edf.and_then(|edf| Some((edf, ChiSquared::new(edf).ok()?)));
     let Some((edf, chi)) = chi.filter(|_| variance > 0.0) else { return [None, None] };
-    let tail = (1.0 - CONFIDENCE) / 2.0;
+    let tail = (1.0 - confidence) / 2.0;
     [1.0 - tail, tail].map(|part| {
         let end = (variance * edf / chi.inverse_cdf(part)).sqrt();
         end.is_finite().then_some(end)

@@ -3,8 +3,8 @@
 //! ```text
 //! angles ─▶ Screen ─▶ Recorder ─▶ sums of differences ─▶ curve ─▶ five terms ─▶ intervals ─▶ AxisBudget
 //!           gaps,     phase, in memory     [difference]  [budget]  [terms]      [freedom,
-//!           disturbed [overlap] or of any                                       bootstrap]
-//!           rows      length [pyramid]
+//!           disturbed [overlap] or of any                from [law_range] on    bootstrap]
+//!           rows      length [pyramid]                   without [periods]
 //! each window ─▶ ShortTau ─▶ N and Q at short τ ─▶ noise floor of every residual
 //! ```
 //!
@@ -28,8 +28,10 @@ mod bootstrap;
 mod budget;
 mod difference;
 mod freedom;
+mod law_range;
 mod level;
 mod overlap;
+mod periods;
 mod pyramid;
 mod recorder;
 mod screen;
@@ -41,12 +43,13 @@ mod vectors;
 
 pub use bare::{BareCurve, RecordLengthError, budget_of_curve};
 pub use budget::{
-    AxisBudget, CONFIDENCE, CurvePoint, DisturbedRow, DisturbedRows, HadamardPoint, TermValue, Terms, budget,
+    AxisBudget, CONFIDENCE, CurvePoint, DisturbedRow, DisturbedRows, HadamardPoint, LawRange, TermValue, Terms, budget,
     budget_of_angles, budget_of_screened, differences,
 };
 pub use difference::{Deviation, Difference, SquareSum};
 pub use freedom::Stretches;
 pub use overlap::{overlapping, phases};
+pub use periods::{Period, Series};
 pub use pyramid::{FULL_OVERLAP, served};
 pub use recorder::{HELD_PHASES, MOST_ROWS, Recorded, Recorder};
 pub use screen::{Disturbed, MOST_DISTURBED_PART, MOST_LOST_PART, RowPlace, Screen, Screened};

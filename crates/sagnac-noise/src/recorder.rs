@@ -3,6 +3,7 @@
 use crate::difference::{Difference, SquareSum};
 use crate::freedom::Stretches;
 use crate::overlap::overlapping;
+use crate::periods::Series;
 use crate::pyramid::{Pyramid, served};
 
 /// Phases in memory, all axes together, before the switch to the pyramid: 24 MiB. Where rows are lost or disturbed, up to four
@@ -23,6 +24,7 @@ pub struct Recorder {
     held_phases: usize,
     pyramid: Option<Pyramid>,
     stretches: Stretches,
+    series: Series,
     /// Of the open stretch; 0 between stretches.
     phases: u64,
     phase: f64,
@@ -44,6 +46,8 @@ pub struct Recorded {
     pub sums: Vec<(Difference, SquareSum)>,
     /// Unbroken stretches.
     pub stretches: Stretches,
+    /// Rows of the longest, in which periods show.
+    pub series: Series,
     /// Rows in them.
     pub rows: u64,
     /// Lost rows that were filled with a mean rate.
@@ -63,6 +67,7 @@ impl Recorder {
             held_phases: 0,
             pyramid: None,
             stretches: Stretches::default(),
+            series: Series::default(),
             phases: 0,
             phase: 0.0,
             arriving: Vec::new(),
@@ -92,6 +97,7 @@ impl Recorder {
                 phase
             }));
             self.phase = phase;
+            self.series.push(angles.iter().map(|angle| angle - offset));
             self.keep(&arriving);
         }
         self.arriving = arriving;
@@ -103,7 +109,9 @@ impl Recorder {
         for _ in 1..intervals {
             self.keep(&[f64::NAN]);
         }
-        self.phase += angle - offset * intervals as f64;
+        let whole = angle - offset * intervals as f64;
+        self.phase += whole;
+        self.series.push((0..intervals).map(|_| whole / intervals as f64));
         self.keep(&[self.phase]);
         self.rows += 1;
     }
@@ -111,6 +119,7 @@ impl Recorder {
     /// Lost rows of the open stretch: each is replaced by `angle`.
     pub fn push_filled(&mut self, rows: u64, angle: f64) {
         let offset = self.open_at(angle);
+        self.series.push((0..rows).map(|_| angle - offset));
         for _ in 0..rows {
             self.phase += angle - offset;
             self.keep(&[self.phase]);
@@ -177,6 +186,7 @@ impl Recorder {
     pub fn end_stretch(&mut self) {
         if self.phases > 0 {
             self.stretches.add(self.phases);
+            self.series.end_stretch();
             if let Some(pyramid) = &mut self.pyramid {
                 pyramid.end_stretch();
             }
@@ -201,6 +211,7 @@ impl Recorder {
         Recorded {
             sums: self.wanted.iter().copied().zip(sums).collect(),
             stretches: self.stretches,
+            series: self.series,
             rows: self.rows,
             filled: self.filled,
             full_overlap: self.pyramid.is_none(),

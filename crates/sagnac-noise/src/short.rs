@@ -4,11 +4,14 @@
 //! window has no effect; N and Q by the fit of [`super::terms`] with only those two. Without the Q term a ring laser's
 //! quantization would read as 2.7 times its ARW.
 //!
+//! Behind a low-pass filter N is that of the τ at which the five laws hold ([`super::law_range`]), and Q is zero: nothing shows it.
+//!
 //! Fails on a record with a strong signal at τ ≤ τ_w/4: the signal counts as noise.
 //! Memory: 2·m_max + 4096 phases, and three numbers per octave and window.
 
+use crate::budget::{Model, RawPoint};
 use crate::difference::{Deviation, Difference, Running};
-use crate::freedom::edf_white_fm;
+use crate::freedom::{Stretches, edf_white_fm};
 use crate::terms::{AllanTerm, Point, fit_terms};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
@@ -74,17 +77,44 @@ impl ShortTauSums {
         .collect()
     }
 
-    /// N and Q, or `None` from fewer than two usable τ or without any noise.
-    pub fn fit(&self, tau0_s: f64) -> Option<NoiseTerms> {
+    /// N and Q of windows of so many rows each; `None` from fewer than two usable τ, without any noise, or where a filter leaves no τ
+    /// at which the laws hold.
+    pub fn fit(&self, tau0_s: f64, rows: impl Iterator<Item = u64>) -> Option<NoiseTerms> {
         let points = self.points(tau0_s);
         if points.len() < 2 {
             return None;
+        }
+        match behind_a_filter(&points, tau0_s, rows) {
+            Filter::None => {}
+            Filter::Below(n_arcsec_rt_s) => return Some(NoiseTerms { n_arcsec_rt_s, q_arcsec: 0.0 }),
+            Filter::Everywhere => return None,
         }
         let fitted = fit_terms(&points, &[AllanTerm::Quantization, AllanTerm::AngleRandomWalk])?;
         let root = |term: AllanTerm| fitted.coefficient(term).sqrt();
         let terms =
             NoiseTerms { n_arcsec_rt_s: root(AllanTerm::AngleRandomWalk), q_arcsec: root(AllanTerm::Quantization) };
         (terms.n_arcsec_rt_s + terms.q_arcsec > 0.0).then_some(terms)
+    }
+}
+
+/// Which τ of a window a filter shapes.
+enum Filter {
+    None,
+    /// The shortest; the others show this N, arcsec/√s.
+    Below(f64),
+    Everywhere,
+}
+
+/// Windows are short: only a curve that falls below N²/τ by more than chance counts as filtered, and no beat or dither does.
+fn behind_a_filter(points: &[Point], tau0_s: f64, rows: impl Iterator<Item = u64>) -> Filter {
+    let mut stretches = Stretches::default();
+    rows.for_each(|rows| stretches.add(rows + 1));
+    let raw = |p: &Point| RawPoint { m: (p.tau_s / tau0_s).round(), variance: p.variance, edf: p.edf, uncertain: 0.0 };
+    let raw: Vec<RawPoint> = points.iter().map(raw).collect();
+    match Model::new(&raw, tau0_s, &stretches).filtered() {
+        None => Filter::None,
+        Some(n) if n > 0.0 => Filter::Below(n),
+        Some(_) => Filter::Everywhere,
     }
 }
 
@@ -218,7 +248,7 @@ mod tests {
     fn silence_has_no_floor() {
         let mut short = ShortTau::new(1.0, 25.0);
         short.push(&[4.5; 1000], 1.0);
-        assert_eq!(short.take().fit(1.0), None);
+        assert_eq!(short.take().fit(1.0, std::iter::once(1000)), None);
     }
 
     /// The result is that of the definition, bit for bit the same for any size of the pieces.

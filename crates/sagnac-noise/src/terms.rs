@@ -20,6 +20,8 @@ const MOST_ROUNDS: usize = 100;
 const SETTLED: f64 = 1e-10;
 /// Exchanges of terms before all sets are tried.
 const MOST_EXCHANGES: usize = 8;
+/// Least model variance, as a part of that measured: behind a filter the sum of the terms can fall below zero.
+const LEAST_PART: f64 = 1e-3;
 /// Tolerance where only the deviance is needed: it is flat at its minimum.
 const SETTLED_FOR_DEVIANCE: f64 = 1e-5;
 
@@ -71,14 +73,14 @@ pub struct Point {
 pub struct FittedTerms([f64; 5]);
 
 impl FittedTerms {
-    /// Q², N², B², K² or R², in arcsec and seconds.
+    /// Q², N², B², K² or R², in arcsec and seconds. Behind a filter the first of them may be below zero.
     pub fn coefficient(&self, term: AllanTerm) -> f64 {
         self.0[term as usize]
     }
 
-    /// Q, N, B, K or R, in arcsec and seconds.
+    /// Q, N, B, K or R, in arcsec and seconds; zero for a coefficient below zero.
     pub fn root(&self, term: AllanTerm) -> f64 {
-        self.coefficient(term).sqrt()
+        self.coefficient(term).max(0.0).sqrt()
     }
 
     /// σ²(τ) of the model.
@@ -99,25 +101,70 @@ impl FittedTerms {
 
 /// Fits `terms` to the points; `None` without a usable point or where all of them are zero.
 pub fn fit_terms(points: &[Point], terms: &[AllanTerm]) -> Option<FittedTerms> {
-    let usable = usable(points);
-    if usable.is_empty() || terms.is_empty() {
-        return None;
+    Laws::PLAIN.fit(points, terms)
+}
+
+/// Which coefficients may be below zero.
+///
+/// Rows that remember each other for a time M (a low-pass filter, rows that repeat a reading) have σ²(τ) = N²/τ − c/τ² for τ > M, to
+/// the last digit for every filter: the double integral of a correlation that has ended. Behind a filter the coefficient of 1/τ²
+/// has any sign and is no quantization.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Laws {
+    /// The coefficient of 1/τ² has any sign.
+    pub(crate) filtered: bool,
+}
+
+impl Laws {
+    /// No coefficient is below zero.
+    pub(crate) const PLAIN: Self = Self { filtered: false };
+    /// Behind a filter.
+    pub(crate) const FILTERED: Self = Self { filtered: true };
+
+    /// As [`fit_terms`].
+    pub(crate) fn fit(self, points: &[Point], terms: &[AllanTerm]) -> Option<FittedTerms> {
+        let usable = usable(points);
+        if usable.is_empty() || terms.is_empty() {
+            return None;
+        }
+        self.settled(&usable, terms, FittedTerms::default(), SETTLED)
     }
-    settled(&usable, terms, FittedTerms::default(), SETTLED)
-}
 
-/// The least deviance of all five terms.
-pub(crate) fn least_deviance(points: &[Point]) -> f64 {
-    let fitted = settled(&usable(points), &AllanTerm::ALL, FittedTerms::default(), SETTLED_FOR_DEVIANCE);
-    fitted.map_or(f64::INFINITY, |fitted| deviance(points, &fitted))
-}
+    /// The least deviance of all five terms.
+    pub(crate) fn least_deviance(self, points: &[Point]) -> f64 {
+        let fitted = self.settled(&usable(points), &AllanTerm::ALL, FittedTerms::default(), SETTLED_FOR_DEVIANCE);
+        fitted.map_or(f64::INFINITY, |fitted| deviance(points, &fitted))
+    }
 
-/// Fits the other four terms with the coefficient of one fixed.
-pub(crate) fn fit_terms_beside(points: &[Point], held: AllanTerm, coefficient: f64) -> FittedTerms {
-    let others: Vec<AllanTerm> = AllanTerm::ALL.into_iter().filter(|term| *term != held).collect();
-    let mut alone = FittedTerms::default();
-    alone.0[held as usize] = coefficient;
-    settled(&usable(points), &others, alone, SETTLED_FOR_DEVIANCE).unwrap_or(alone)
+    /// Fits the other four terms with the coefficient of one fixed.
+    pub(crate) fn fit_next_to(self, points: &[Point], held: AllanTerm, coefficient: f64) -> FittedTerms {
+        let others: Vec<AllanTerm> = AllanTerm::ALL.into_iter().filter(|term| *term != held).collect();
+        let mut alone = FittedTerms::default();
+        alone.0[held as usize] = coefficient;
+        self.settled(&usable(points), &others, alone, SETTLED_FOR_DEVIANCE).unwrap_or(alone)
+    }
+
+    /// Re-weighted least squares until convergence; `held` is a fixed part of the model.
+    fn settled(self, points: &[Point], terms: &[AllanTerm], held: FittedTerms, enough: f64) -> Option<FittedTerms> {
+        let of_any_sign = terms.iter().position(|term| self.filtered && *term == AllanTerm::Quantization);
+        let of_any_sign = of_any_sign.map_or(0, |at| 1 << at);
+        let rows: Vec<Row> = points.iter().map(|point| Row::of(point, terms, &held)).collect();
+        let mut model: Vec<f64> = rows.iter().map(|row| row.variance.max(row.held)).collect();
+        let (mut fitted, mut set) = (held, 0);
+        for _ in 0..MOST_ROUNDS {
+            (fitted, set) = best_set(&rows, &model, terms, &held, Sets { likely: set, of_any_sign })?;
+            let mut moved = 0.0_f64;
+            for (row, model) in rows.iter().zip(&mut model) {
+                let next = fitted.variance_of(&row.each).max(LEAST_PART * row.variance);
+                moved = moved.max((next / *model - 1.0).abs());
+                *model = next;
+            }
+            if moved < enough {
+                break;
+            }
+        }
+        Some(fitted)
+    }
 }
 
 fn usable(points: &[Point]) -> Vec<Point> {
@@ -127,30 +174,10 @@ fn usable(points: &[Point]) -> Vec<Point> {
 /// Deviance of χ² variances from a model: Σ edf·(σ²/f − 1 − ln(σ²/f)); infinite where the model is zero. The fit minimises it.
 pub(crate) fn deviance(points: &[Point], fitted: &FittedTerms) -> f64 {
     let part = |p: &Point| {
-        let ratio = p.variance / fitted.variance(p.tau_s);
+        let ratio = p.variance / fitted.variance(p.tau_s).max(LEAST_PART * p.variance);
         p.edf * (ratio - 1.0 - ratio.ln())
     };
     points.iter().filter(|p| p.variance > 0.0 && p.edf > 0.0).map(part).sum()
-}
-
-/// Re-weighted least squares until convergence; `held` is a fixed part of the model.
-fn settled(points: &[Point], terms: &[AllanTerm], held: FittedTerms, enough: f64) -> Option<FittedTerms> {
-    let rows: Vec<Row> = points.iter().map(|point| Row::of(point, terms, &held)).collect();
-    let mut model: Vec<f64> = rows.iter().map(|row| row.variance.max(row.held)).collect();
-    let (mut fitted, mut set) = (held, 0);
-    for _ in 0..MOST_ROUNDS {
-        (fitted, set) = best_set(&rows, &model, terms, &held, set)?;
-        let mut moved = 0.0_f64;
-        for (row, model) in rows.iter().zip(&mut model) {
-            let next = fitted.variance_of(&row.each);
-            moved = moved.max((next / *model - 1.0).abs());
-            *model = next;
-        }
-        if moved < enough {
-            break;
-        }
-    }
-    Some(fitted)
 }
 
 /// A point as the fit sees it.
@@ -176,13 +203,22 @@ impl Row {
     }
 }
 
-/// One round: the set of terms with the least misfit among those without a negative coefficient, and that set. `likely` is tried first.
+/// Sets of terms, a bit each in their order.
+#[derive(Clone, Copy)]
+struct Sets {
+    /// Tried first; none for all.
+    likely: u32,
+    /// In every set, of any sign.
+    of_any_sign: u32,
+}
+
+/// One round: the set of terms with the least misfit among those without a negative coefficient, and that set.
 fn best_set(
     rows: &[Row],
     model: &[f64],
     terms: &[AllanTerm],
     held: &FittedTerms,
-    likely: u32,
+    Sets { likely, of_any_sign }: Sets,
 ) -> Option<(FittedTerms, u32)> {
     let mut sums = [[0.0; 5]; 5];
     let mut right = SVector::<f64, 5>::zeros();
@@ -201,8 +237,10 @@ fn best_set(
     let gram = SMatrix::<f64, 5, 5>::from_fn(|i, j| gram[(i, j)] * scale[i] * scale[j]);
     let right = right.component_mul(&scale);
     let all = (1_u32 << terms.len()) - 1;
-    let best = by_exchange(&gram, &right, if likely > 0 { likely } else { all }).or_else(|| {
-        let tried = (1..=all).filter_map(|set| Some((solve_set(&gram, &right, set)?, set)));
+    let first = if likely > 0 { likely } else { all };
+    let best = by_exchange(&gram, &right, first, of_any_sign).or_else(|| {
+        let tried = (1..=all).filter(|set| set & of_any_sign == of_any_sign);
+        let tried = tried.filter_map(|set| Some((solve_set(&gram, &right, set, of_any_sign)?, set)));
         let tried = tried.filter(|(solved, _)| solved.is_positive);
         // The misfit is a constant minus this gain.
         tried.max_by(|(a, _), (b, _)| a.gain.total_cmp(&b.gain))
@@ -219,11 +257,17 @@ fn best_set(
 
 /// The best set by exchange: terms that come out negative leave it, and the term that would lower the misfit most enters. It is the best
 /// where all are positive and none would (Karush, Kuhn and Tucker), for the misfit is convex. `None` where that is not soon so.
-fn by_exchange(gram: &SMatrix<f64, 5, 5>, right: &SVector<f64, 5>, mut set: u32) -> Option<(Solved, u32)> {
+fn by_exchange(
+    gram: &SMatrix<f64, 5, 5>,
+    right: &SVector<f64, 5>,
+    mut set: u32,
+    of_any_sign: u32,
+) -> Option<(Solved, u32)> {
     for _ in 0..MOST_EXCHANGES {
-        let solved = solve_set(gram, right, set)?;
+        let solved = solve_set(gram, right, set, of_any_sign)?;
         if !solved.is_positive {
-            set = (0..5).filter(|i| set >> i & 1 == 1 && solved.solution[*i] > 0.0).fold(0, |set, i| set | 1 << i);
+            let stay = (0..5).filter(|i| set >> i & 1 == 1 && solved.solution[*i] > 0.0);
+            set = stay.fold(of_any_sign, |set, i| set | 1 << i);
             continue;
         }
         let gradient = right - gram * solved.solution;
@@ -241,12 +285,12 @@ struct Solved {
     solution: SVector<f64, 5>,
     /// Its reduction of the misfit.
     gain: f64,
-    /// No coefficient is below zero.
+    /// No coefficient is below zero that may not be.
     is_positive: bool,
 }
 
 /// The solution with only the terms of `set`; `None` for an empty one, and where they are not told apart.
-fn solve_set(gram: &SMatrix<f64, 5, 5>, right: &SVector<f64, 5>, set: u32) -> Option<Solved> {
+fn solve_set(gram: &SMatrix<f64, 5, 5>, right: &SVector<f64, 5>, set: u32, of_any_sign: u32) -> Option<Solved> {
     if set == 0 {
         return None;
     }
@@ -258,7 +302,7 @@ fn solve_set(gram: &SMatrix<f64, 5, 5>, right: &SVector<f64, 5>, set: u32) -> Op
     });
     let masked_right = SVector::<f64, 5>::from_fn(|i, _| if in_set(i) { right[i] } else { 0.0 });
     let solution = masked.cholesky()?.solve(&masked_right);
-    let is_positive = (0..5).all(|i| !in_set(i) || solution[i] > 0.0);
+    let is_positive = (0..5).all(|i| !in_set(i) || of_any_sign >> i & 1 == 1 || solution[i] > 0.0);
     Some(Solved { gain: masked_right.dot(&solution), solution, is_positive })
 }
 
@@ -335,9 +379,9 @@ mod tests {
             let gram = SMatrix::<f64, 5, 5>::from_fn(|i, j| gram[(i, j)] * scale[i] * scale[j]);
             let right = right.component_mul(&scale);
             let all = (1_u32 << size) - 1;
-            let best = (1..=all).filter_map(|set| solve_set(&gram, &right, set)).filter(|solved| solved.is_positive);
+            let best = (1..=all).filter_map(|set| solve_set(&gram, &right, set, 0)).filter(|solved| solved.is_positive);
             let best = best.map(|solved| solved.gain).fold(f64::NEG_INFINITY, f64::max);
-            if let Some((solved, set)) = by_exchange(&gram, &right, all) {
+            if let Some((solved, set)) = by_exchange(&gram, &right, all, 0) {
                 assert!((solved.gain / best - 1.0).abs() < 1e-9, "{case}: {} {best}", solved.gain);
                 found += 1;
                 sets[set.count_ones() as usize - 1] += 1;

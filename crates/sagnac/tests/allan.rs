@@ -151,16 +151,17 @@ fn ln100_falls_with_the_slope_of_quantization() {
     let slope =
         logs.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / logs.iter().map(|p| (p.0 - x).powi(2)).sum::<f64>();
     assert!((slope + 1.0).abs() < 0.05, "{slope}");
-    // Five minutes of dithered counting resolve quantization and nothing else.
+    // Five minutes of dithered counting resolve quantization and nothing else. The aliases of the three dithers have names of their own:
+    // each axis shows that of the strongest, 29.94 Hz. They make σ(τ)·τ/√3 swing between 0.6 and 2 arcsec; the count beneath is 0.71.
     let terms = &octaves.axes[0].terms;
-    assert!(matches!(terms.q_arcsec, TermValue::Found { value, .. } if (1.3..1.7).contains(&value)), "{terms:?}");
+    let strongest = octaves.axes[0].periods.iter().max_by(|a, b| a.amplitude_dph.total_cmp(&b.amplitude_dph)).unwrap();
+    assert!((strongest.frequency_hz - 29.94).abs() < 0.05, "{strongest:?}");
+    assert!(matches!(terms.q_arcsec, TermValue::Found { value, .. } if (0.6..0.9).contains(&value)), "{terms:?}");
     assert!(
         matches!(terms.b_dph, TermValue::Unresolved { .. }) && matches!(terms.k_dph_rt_h, TermValue::Unresolved { .. })
     );
-    assert!(
-        octaves.axes[0].misfit.is_some_and(|part| part > 0.1),
-        "dither is none of the five terms, and is said to be there"
-    );
+    let is_named = |warning: &String| warning.contains("29.9 Hz");
+    assert!(octaves.warnings.iter().any(is_named), "the alias is said to be there: {:?}", octaves.warnings);
 }
 
 /// Multiple m, Allan deviation, Hadamard deviation.
@@ -250,7 +251,13 @@ fn a_standing_vehicle_has_deviations_and_no_random_walk() {
             let TermValue::Unresolved { unresolved } = budget.terms.get(term) else {
                 panic!("{letter} {term:?}: {:?}", budget.terms.get(term))
             };
-            let (_, bound) = unresolved.split_once("at most ").unwrap();
+            // A filter hides any walk or quantization, and motion is no proof that there is none: nothing bounds these two.
+            let is_fast =
+                matches!(term, sagnac_noise::AllanTerm::Quantization | sagnac_noise::AllanTerm::AngleRandomWalk);
+            let Some((_, bound)) = unresolved.split_once("at most ").filter(|_| !is_fast) else {
+                assert!(is_fast && !unresolved.contains("at most"), "{letter} {term:?}: {unresolved}");
+                continue;
+            };
             let bound: f64 = bound.split(' ').next().unwrap().parse().unwrap();
             // No bound is far above the curve: alone, the term would touch it somewhere.
             let root = bound / term.in_its_unit(1.0);
@@ -352,7 +359,7 @@ fn not_overlapping(rates: &[f64]) -> String {
 }
 
 /// The scatter of a curve is said where it is there, and rarely where it is not: of records of the five terms and of curves of other
-/// programs less than 5 %, of records with a period nearly always.
+/// programs less than 5 %. A period has a name instead, nearly always.
 #[test]
 fn the_scatter_of_a_curve_is_a_rare_warning() {
     use rayon::prelude::*;
@@ -360,11 +367,12 @@ fn the_scatter_of_a_curve_is_a_rare_warning() {
     const RECORDS: u64 = 100;
     let input = || LogFile { file: "curve".to_owned(), sha256: String::new(), rows: 0, rows_sketch: String::new() };
     let is_said = |warnings: &[String]| warnings.iter().any(|warning| warning.contains("scatters about"));
-    let of_log = |rates: &[f64]| {
+    let is_named = |warnings: &[String]| warnings.iter().any(|warning| warning.contains("a period of 40.0 s"));
+    let warnings_of = |rates: &[f64]| {
         let rows = rates.iter().enumerate().map(|(i, rate)| format!("{},{rate}\n", i + 1));
         let log = reader(format!("time_s,rate_dph\n{}", rows.collect::<String>()).into_bytes(), &Setup::default());
         let request = Request { taus: Taus::LogSpaced, exact: false };
-        is_said(&noise_budget(vec![log], None, &Setup::default(), &request).unwrap().warnings)
+        noise_budget(vec![log], None, &Setup::default(), &request).unwrap().warnings
     };
     let of_curve = |rates: &[f64]| {
         let curve = parse_curve(not_overlapping(rates).as_bytes()).unwrap();
@@ -372,9 +380,9 @@ fn the_scatter_of_a_curve_is_a_rare_warning() {
     };
     let count =
         |is_said: &(dyn Fn(u64) -> bool + Sync), of: u64| (0..of).into_par_iter().filter(|seed| is_said(*seed)).count();
-    let logs = count(&|seed| of_log(&noisy(seed + 1, seed % 4, 0.0)), RECORDS);
+    let logs = count(&|seed| is_said(&warnings_of(&noisy(seed + 1, seed % 4, 0.0))), RECORDS);
     let curves = count(&|seed| of_curve(&noisy(seed + 1, seed % 4, 0.0)), RECORDS);
-    let periods = count(&|seed| of_log(&noisy(seed + 1, seed % 4, 1.0)), RECORDS / 2);
+    let periods = count(&|seed| is_named(&warnings_of(&noisy(seed + 1, seed % 4, 1.0))), RECORDS / 2);
     println!("of {RECORDS}: {logs} logs, {curves} curves; of {}: {periods} with a period", RECORDS / 2);
     assert!(logs + curves < 2 * RECORDS as usize / 20, "{logs} logs, {curves} curves");
     assert!(periods as f64 > 0.95 * (RECORDS / 2) as f64, "{periods}");

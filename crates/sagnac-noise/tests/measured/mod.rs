@@ -1,3 +1,4 @@
 //! Tests that measure on many records.
 
 mod noise;
+mod shaped;

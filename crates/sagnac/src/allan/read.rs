@@ -6,8 +6,8 @@ use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Batch, Bridge, LogShape, Logs, Tallies, Tally, same_shape};
 use sagnac_log::setup::Setup;
 use sagnac_noise::{
-    AxisBudget, HELD_PHASES, MOST_ROWS, MOST_TAUS, RowPlace, Screen, Screened, TauError, Taus, budget_of_screened,
-    differences, served,
+    AxisBudget, HELD_PHASES, MOST_ROWS, MOST_TAUS, Period, RowPlace, Screen, Screened, TauError, Taus,
+    budget_of_screened, differences, served,
 };
 use sagnac_units::format::significant;
 use sagnac_units::s_from_ns;
@@ -141,15 +141,53 @@ impl NoiseSoFar {
 /// terms alone, half of them as such curves, fewer than 5 % are warned of.
 const SCATTER_SAID: f64 = 0.1;
 
+/// Periods that are named in a warning.
+const PERIODS_SAID: usize = 3;
+
 /// What a misfit of the curve means, in words; `None` for one that is small.
 pub(crate) fn misfit_text(axis: &AxisBudget) -> Option<String> {
     let part = axis.misfit.filter(|part| *part >= SCATTER_SAID)?;
     Some(format!(
-        "axis {}: the curve scatters about the five terms by {} % more than chance explains (a period, dither or steps); \
+        "axis {}: the curve scatters about the five terms by {} % more than chance explains (motion, steps or a wandering period); \
          the intervals of its terms include that",
         axis.axis,
         significant(100.0 * part, 2)
     ))
+}
+
+/// Where the five laws begin, in words; `None` where they hold at all τ.
+fn law_range_text(axis: &AxisBudget) -> Option<String> {
+    let range = axis.law_range?;
+    let letter = axis.axis;
+    let from = significant(range.from_s, 2);
+    Some(match range.filter_hz {
+        Some(hz) => format!(
+            "axis {letter}: filtered at about {} Hz; N and the slower terms are fitted from τ = {from} s on",
+            significant(hz, 2)
+        ),
+        None => format!(
+            "axis {letter}: below τ = {from} s a dither, a beat or a disturbance shapes the curve; the terms are fitted from there on"
+        ),
+    })
+}
+
+/// The periods of a rate in words; `None` without one.
+fn periods_text(axis: &AxisBudget) -> Option<String> {
+    let word = |period: &Period| {
+        let period_s = significant(period.frequency_hz.recip(), 3);
+        format!(
+            "{period_s} s ({} Hz, amplitude {} °/h)",
+            significant(period.frequency_hz, 3),
+            significant(period.amplitude_dph, 2)
+        )
+    };
+    let words: Vec<String> = axis.periods.iter().take(PERIODS_SAID).map(word).collect();
+    let more = axis.periods.len().saturating_sub(PERIODS_SAID);
+    let more = if more > 0 { format!(" and {more} weaker") } else { String::new() };
+    let period = if axis.periods.len() == 1 { "a period" } else { "periods" };
+    (!words.is_empty()).then(|| {
+        format!("axis {}: the rate has {period} of {}{more}, taken out of the terms", axis.axis, words.join(", "))
+    })
 }
 
 /// Disturbed rows that stay in the values, in words.
@@ -359,6 +397,8 @@ impl Reading {
             budget_of_screened(*letter, screened, tau0_s, self.arcsec, asked, place)
         });
         let axes: Vec<AxisBudget> = axes.collect();
+        warnings.extend(axes.iter().filter_map(law_range_text));
+        warnings.extend(axes.iter().filter_map(periods_text));
         warnings.extend(axes.iter().filter_map(misfit_text));
         warnings.extend(axes.iter().filter_map(disturbed_text));
         Ok(NoiseBudget {

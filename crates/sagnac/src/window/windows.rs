@@ -213,7 +213,7 @@ impl Windows {
     /// N and Q of an axis from the raw samples of the used windows; `None` where they do not tell.
     pub fn measured_noise(&self, axis: usize) -> Option<NoiseTerms> {
         // A window that was shaken says nothing of the noise of the others.
-        let median = median_square(self.short_tau_of_used(axis));
+        let median = median_square(self.short_tau_of_used(axis).map(|(sums, _)| sums));
         self.noise_of(axis, |sums| !is_shaken(sums, median))
     }
 
@@ -222,15 +222,17 @@ impl Windows {
         self.noise_of(axis, |_| true)
     }
 
-    fn short_tau_of_used(&self, axis: usize) -> impl Iterator<Item = &ShortTauSums> {
-        let windows = self.rows.short_tau[axis].iter().zip(&self.rows.excluded);
-        windows.filter(|(_, reason)| reason.is_none()).map(|(sums, _)| sums)
+    /// Of each used window: its sums, and its rows.
+    fn short_tau_of_used(&self, axis: usize) -> impl Iterator<Item = (&ShortTauSums, u64)> {
+        let windows = self.rows.short_tau[axis].iter().zip(&self.rows.samples).zip(&self.rows.excluded);
+        windows.filter(|(_, reason)| reason.is_none()).map(|((sums, samples), _)| (sums, u64::from(*samples)))
     }
 
     fn noise_of(&self, axis: usize, counts: impl Fn(&ShortTauSums) -> bool) -> Option<NoiseTerms> {
         let mut all = ShortTauSums::default();
-        self.short_tau_of_used(axis).filter(|sums| counts(sums)).for_each(|sums| all.merge(sums));
-        let terms = all.fit(self.shape.sample_interval_s)?;
+        let used = || self.short_tau_of_used(axis).filter(|(sums, _)| counts(sums));
+        used().for_each(|(sums, _)| all.merge(sums));
+        let terms = all.fit(self.shape.sample_interval_s, used().map(|(_, rows)| rows))?;
         // What the rounding of sums makes is no noise: of a counter that always counts the same.
         let largest = self.rows.angle[axis].iter().fold(0.0_f64, |most, angle| most.max(angle.abs()));
         let noise_arcsec = terms.q_arcsec + terms.n_arcsec_rt_s * self.shape.sample_interval_s.sqrt();
