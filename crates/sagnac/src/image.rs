@@ -21,6 +21,9 @@
 //! all scale terms      2⁻⁶: 15,625 ppm, Σ|coefficient|
 //! ```
 //!
+//! A rate table gives y·(1 + ε0 + ε) = Ω + C + d for a log rate y: ε0 is the deviation of the scale factor at T0, and stays in the
+//! output. The target computes y·(1 + ε′) − d′, so that every coefficient is divided by 1 + ε0 here: (Ω + C)/(1 + ε0) comes out, exactly.
+//!
 //! The counts of a rate log have no size of their own. [`rate_unit`] takes the finest decade from 1e-4 arcsec on that holds the
 //! correction with a margin of [`RATE_MARGIN`]. The fit asks [`Holder`] before it selects a model.
 
@@ -56,7 +59,8 @@ const COUNT_PER_TICK: f64 = 4_294_967_296.0;
 /// # Errors
 /// A number that does not fit the image: axis, term, limit, and what to do.
 pub fn encode(calibration: &Calibration, axis: &AxisCalibration, parent: [u8; 32], sequence: u32) -> Result<Image> {
-    let frame = Frame { axis: axis.axis, unit: calibration.unit, target: calibration.target };
+    let scale_at_reference = 1.0 + axis.scale_factor().map_or(0.0, |scale| scale.at_reference.ppm * 1e-6);
+    let frame = Frame { axis: axis.axis, unit: calibration.unit, target: calibration.target, scale_at_reference };
     let serial = calibration.serial.as_bytes();
     let image = frame.encode(&axis.correction, |d| {
         (d.parent, d.sequence) = (parent, sequence);
@@ -101,7 +105,9 @@ impl Holder {
             Some(unit) => unit,
             None => rate_unit(self.target, &[(axis, correction)])?,
         };
-        let image = Frame { axis, unit, target: self.target }.encode(correction, |_| Ok(()))?;
+        // Before a fit no scale factor is known: it moves the coefficients by some per cent of the margin.
+        let frame = Frame { axis, unit, target: self.target, scale_at_reference: 1.0 };
+        let image = frame.encode(correction, |_| Ok(()))?;
         check_work(&image, self.most_instructions)
     }
 }
@@ -132,6 +138,8 @@ struct Frame {
     axis: char,
     unit: LogUnit,
     target: Target,
+    /// 1 + ε0: the scale factor at T0 over its nominal value; 1 where no table gave it.
+    scale_at_reference: f64,
 }
 
 impl Frame {
@@ -144,7 +152,7 @@ impl Frame {
         correction: &AxisCorrection,
         name: impl Fn(&mut Description) -> Result<()>,
     ) -> Result<Image> {
-        let Self { axis, unit, target } = self;
+        let Self { axis, unit, target, .. } = self;
         let mut d = Description::empty();
         name(&mut d)?;
         d.axis = u8::try_from(axis)
@@ -521,6 +529,7 @@ impl Frame {
     /// A coefficient as mantissa and shift; `None` for zero.
     fn row(self, head: TermHead, name: String, value: f64) -> Result<Option<TermRow>> {
         let TermHead { kind, input, shape, multiplier } = head;
+        let value = value / self.scale_at_reference;
         let q40 = value * 2.0_f64.powi(40);
         let shift = (60.0 - q40.abs().log2().floor()).min(62.0);
         let mantissa = (q40 * 2.0_f64.powf(shift - 31.0)).round();

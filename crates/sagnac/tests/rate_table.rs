@@ -81,6 +81,38 @@ fn verify_reports_ppm_before_and_after() {
     assert!(axis.improvement_sigma.unwrap() > 10.0, "{axis:?}");
 }
 
+/// The correction is the exact inverse of y·(1 + ε0 + ε) = Ω + d, not that to first order in ε0: within 1 ppm of the scale factor and
+/// 10⁻⁴ of the bias. To first order 1.2 % would leave 80 ppm and 2 °/h.
+#[test]
+fn the_correction_inverts_a_scale_factor_of_some_per_cent() {
+    let setup = Setup { scale_factor_deviation_max_ppm: Some(60_000.0), ..Setup::default() };
+    for epsilon_0 in [-0.05, 0.012, 0.05] {
+        let mut csv = String::from("time_s,temperature_c,rate_dph,reference_rate_dps\n");
+        let mut time_s = 0;
+        let mut rows = |seconds: u32, dps: f64, celsius: &dyn Fn(u32) -> f64| {
+            for second in 0..seconds {
+                time_s += 1;
+                let above_c = celsius(second) - 25.0;
+                let truth_dph = dps * 3600.0 + 30.0 + 4.0 * above_c;
+                let rate_dph = truth_dph / (1.0 + epsilon_0 + 150e-6 * above_c);
+                writeln!(csv, "{time_s},{},{rate_dph:.6},{dps}", celsius(second)).unwrap();
+            }
+        };
+        for step in 0..8_u32 {
+            let plateau_c = f64::from(step) * 10.0 - 20.0;
+            [0.0, 20.0, -20.0, 0.0].map(|dps| rows(900, dps, &|_| plateau_c));
+            rows(2400, 0.0, &|second| plateau_c + f64::from(second) / 240.0);
+        }
+        let csv = csv.into_bytes();
+        let made = fit(vec![csv.clone()], &setup, "bias 1, scale 1").unwrap();
+        let proof = retest(&made, csv, &setup);
+        let (axis, scale) = (&proof.axes[0], proof.axes[0].scale_factor.as_ref().unwrap());
+        assert!((scale.before.peak_to_peak_ppm - 10_500.0).abs() < 600.0, "{:?}", scale.before);
+        assert!(scale.after.peak_to_peak_ppm < 1.0, "{epsilon_0}: {:?}", scale.after);
+        assert!(axis.after.sigma_dph < 1e-4 * 280.0, "{epsilon_0}: {} °/h", axis.after.sigma_dph);
+    }
+}
+
 /// A record on a turning table is not a record at rest; a warning says so.
 #[test]
 fn the_noise_of_a_turned_record_carries_a_warning() {

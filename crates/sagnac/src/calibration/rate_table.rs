@@ -56,8 +56,8 @@ pub struct Repeatability {
 pub struct ScaleFactor {
     /// S at T0, arcsec per count; null for rate logs.
     pub arcsec_per_count: Option<f64>,
-    /// Deviation of S from S0 at T0, by the joint fit. Not part of the correction, which takes out the variation: set S as
-    /// `arcsec_per_count` to have it in.
+    /// Deviation of S from S0 at T0, by the joint fit. The correction takes out the variation about S alone: image, C and Verilog
+    /// divide each coefficient by 1 + this, and give rates of scale factor S. Set S as `arcsec_per_count` to have rates of S0.
     pub at_reference: PpmEstimate,
     /// The plateaus, in the order of the test.
     pub plateaus: Vec<Plateau>,

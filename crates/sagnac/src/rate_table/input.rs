@@ -6,7 +6,7 @@
 
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::Reason;
+use sagnac_log::ingest::{AngleUnit, Reason};
 use sagnac_log::setup::{Setup, TableRun};
 use sagnac_units::DPH_PER_DPS;
 
@@ -130,19 +130,26 @@ impl RateTableInput {
             )
             .column("scale_factor_deviation_max_ppm"));
         }
-        let error = Error::refused(format!(
-            "the scale factor of axis {letter} would deviate by {ppm:.0} ppm from its nominal value, and the limit is {most_ppm} ppm"
-        ), "correct arcsec_per_count")
-        .column("scale_factor_deviation_max_ppm");
-        Err(if (slope + 1.0).abs() < 0.1 {
-            error.help(format!(
-                "reverse the reference with axis = \"-{letter}\" under [[table]]: counts and reference have opposite signs"
-            ))
-        } else {
-            error.help(format!(
+        // Rates have no count whose size could be wrong: cheap sensors are off by per cent.
+        let remedy = match windows.shape.unit {
+            AngleUnit::Quanta { .. } => format!(
                 "correct arcsec_per_count, which seems wrong by a factor of {:.5}, or the unit of the reference",
                 1.0 / slope
-            ))
+            ),
+            AngleUnit::Arcsec => format!(
+                "set scale_factor_deviation_max_ppm = {:.0} in the setup, or correct the unit of the rates or of the reference",
+                1000.0 * (ppm.abs() * 1.2e-3).ceil()
+            ),
+        };
+        let error = Error::refused(format!(
+            "the scale factor of axis {letter} would deviate by {ppm:.0} ppm from its nominal value, and the limit is {most_ppm} ppm"
+        ), remedy)
+        .column("scale_factor_deviation_max_ppm");
+        Err(match (slope + 1.0).abs() < 0.1 {
+            true => error.help(format!(
+                "reverse the reference with axis = \"-{letter}\" under [[table]]: counts and reference have opposite signs"
+            )),
+            false => error,
         })
     }
 
