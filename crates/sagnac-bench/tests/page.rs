@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use sagnac_bench::live::{Live, LiveRequest};
 use sagnac_bench::page::{Page, PageOf};
 use sagnac_bench::{JournalRows, Session, journal_of};
-use sagnac_log::setup::Setup;
+use sagnac_log::setup::{RateUnit, Setup};
 
 const PATIENCE: Duration = Duration::from_secs(30);
 
@@ -40,6 +40,7 @@ impl Running {
             clock: session.clock,
             stop: session.stop.clone(),
             share: None,
+            units: RateUnit::DegPerHour,
             is_replay: false,
         };
         let page = Page::begin(of, SocketAddr::from(([127, 0, 0, 1], 0))).unwrap();

@@ -392,9 +392,15 @@ fn a_test_that_has_told_enough_ends_itself() {
     let rows = bench.counts().len();
     assert!((5000..13_000).contains(&rows), "{rows} rows");
     assert!(bench.path("unit.cal.json").exists() && bench.path("unit.html").exists());
-    // It goes on where it ended, and then it ends with its log.
-    let resumed = bench.run(&["--source", "replay:test.csv?speed=max", "--resume"]);
+    // It goes on where it ended, and then it ends with its log. Its lines are in the unit that is asked.
+    let resumed = bench.run(&["--source", "replay:test.csv?speed=max", "--resume", "--units", "dps"]);
     assert!(resumed.status.success(), "{}", text(&resumed.stderr));
+    assert!(text(&ended.stderr).contains("°/h") && !text(&ended.stderr).contains("°/s"), "{}", text(&ended.stderr));
+    assert!(
+        text(&resumed.stderr).contains("°/s") && !text(&resumed.stderr).contains("°/h"),
+        "{}",
+        text(&resumed.stderr)
+    );
     assert_eq!(bench.counts().len(), 14_400);
 }
 

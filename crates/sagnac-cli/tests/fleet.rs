@@ -525,6 +525,15 @@ fn the_report_names_what_is_wrong() {
     ] {
         assert!(page.contains(words), "{words}");
     }
+    // The same in °/s, the limits too: 1 °/s is 3600 °/h.
+    let (status, in_dps, _) = it.run(&["fleet", "report", "fleet", "--report", "dps.html", "--units", "dps"]);
+    let off = |said: &str| -> f64 {
+        let size = said.split("rate at T0 differs by ").nth(1).unwrap().split(' ').next().unwrap();
+        size.parse().unwrap()
+    };
+    assert!(status == 0 && (off(&in_dps) * 3600.0 / off(&said) - 1.0).abs() < 0.01, "{in_dps}");
+    let dps = fs::read_to_string(it.path("dps.html")).unwrap();
+    assert!(dps.contains("°/s") && !dps.contains("°/h"), "{:?}", dps.find("°/h").map(|at| &dps[at - 90..at + 9]));
     // A click from the outlier, and from the one without a record, to what is known of it.
     for (unit, words) in [("RLG-11", "records/RLG-11.cal.json"), ("RLG-99", "refused: the log has no usable window")] {
         let entry = page.split(&format!("id=\"unit-{unit}\"")).nth(1).and_then(|rest| rest.split("</section>").next());
@@ -581,6 +590,10 @@ fn the_demonstration_shows_what_it_says() {
     // A plan: JSON, a chamber's program, and what is refused.
     let plan = ["plan", "--prior", "factory/fleet.prior.json", "--limits", "navigation-grade"];
     let with = |more: &[&str]| it.run(&[&plan[..], more].concat());
+    let (_, in_dps, _) = with(&["--lot", "A", "--units", "dps"]);
+    assert!(in_dps.contains("°/s") && !in_dps.contains("°/h"), "{in_dps}");
+    let (_, dps_json, _) = with(&["--lot", "A", "--units", "dps", "--json"]);
+    assert_eq!(dps_json, with(&["--lot", "A", "--json"]).1);
     let (status, json, _) = with(&["--lot", "A", "--json", "-o", "test.csv"]);
     let made: serde_json::Value = serde_json::from_str(&json).unwrap();
     assert!(status == 0 && made["probability"].as_f64().unwrap() >= 0.95, "{json}");

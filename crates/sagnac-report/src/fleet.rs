@@ -6,7 +6,9 @@ use sagnac::fleet::{
     Acceptance, AxisResult, Capability, ControlChart, Odd, Outcome, Quality, Quantity, RigEffect, Rule, UnitResult,
     Yield,
 };
+use sagnac::verify::SPECS;
 use sagnac_log::error::Result;
+use sagnac_log::setup::RateUnit;
 use sagnac_units::format::{counted, significant, unit, with_sigma};
 
 use crate::charts::{Band, Chart, ChartPage, Curve, Entry, PageTable, chart_report};
@@ -23,11 +25,12 @@ const MOST_ENTRIES: usize = 150;
 /// A capability below this is no capability.
 const CAPABLE: f64 = 1.33;
 
-/// The state of a fleet as a report. `results` are those that it was made of, `order` says in what order its units are.
+/// The state of a fleet as a report. `results` are those that it was made of, `order` says in what order its units are. The rates of `quality` are in
+/// `units` already.
 ///
 /// # Errors
 /// Figures that cannot be written as JSON.
-pub fn fleet_report(quality: &Quality, results: &[UnitResult], order: &str) -> Result<Report> {
+pub fn fleet_report(quality: &Quality, results: &[UnitResult], order: &str, units: RateUnit) -> Result<Report> {
     let named = Named::new(quality, results);
     let all = quality.yields.first().cloned().unwrap_or_default();
     let mut page = ChartPage {
@@ -49,7 +52,7 @@ pub fn fleet_report(quality: &Quality, results: &[UnitResult], order: &str) -> R
         ],
         charts: quality.charts.iter().enumerate().filter_map(|(at, quantity)| chart(at, quantity)).collect(),
         tables: vec![signals(quality)],
-        entries: named.entries(),
+        entries: named.entries(units),
         ..ChartPage::default()
     };
     page.results.retain(|table| !table.rows.is_empty());
@@ -160,7 +163,7 @@ impl<'a> Named<'a> {
         PageTable { entries, ..table("Units that are not good", ["unit", "lot", "rig", "why"], rows) }
     }
 
-    fn entries(&self) -> Vec<Entry> {
+    fn entries(&self, units: RateUnit) -> Vec<Entry> {
         let entry = |(of, why): &(&UnitResult, Vec<String>)| {
             let mut words = why.clone();
             let known = |name: &str, value: &str| (!value.is_empty()).then(|| format!("{name} {value}"));
@@ -174,7 +177,12 @@ impl<'a> Named<'a> {
             if of.acceptance != Acceptance::NoRetest {
                 words.push(format!("limits {}, proof: proofs/{}.json", of.acceptance.name(), of.unit));
             }
-            let tables = of.axes.iter().flat_map(axis_tables).filter(|table| !table.rows.is_empty()).collect();
+            let tables = of
+                .axes
+                .iter()
+                .flat_map(|axis| axis_tables(axis, units))
+                .filter(|table| !table.rows.is_empty())
+                .collect();
             Entry { id: format!("unit-{}", of.unit), heading: of.unit.clone(), words, tables }
         };
         self.units.iter().map(entry).collect()
@@ -182,15 +190,17 @@ impl<'a> Named<'a> {
 }
 
 /// Coefficients and noise of an axis, and the limits of its retest.
-fn axis_tables(of: &AxisResult) -> [PageTable; 2] {
+fn axis_tables(of: &AxisResult, units: RateUnit) -> [PageTable; 2] {
     let known = |name: &str, value: Option<f64>, unit: &str| {
-        value.map(|value| [name.to_owned(), significant(value, 4), unit.to_owned()])
+        let (factor, unit) = units.shown(unit);
+        value.map(|value| [name.to_owned(), significant(factor * value, 4), unit])
     };
     let basis = of.common.iter().flat_map(|basis| {
         basis.terms.iter().zip(&basis.coefficients).zip(&basis.units).enumerate().map(
             |(at, ((term, value), of_unit))| {
                 let variance = basis.covariance.get(at * (at + 3) / 2).copied();
-                [term.clone(), with_sigma(*value, variance.map(f64::sqrt)), unit(of_unit)]
+                let (factor, unit) = units.shown(of_unit);
+                [term.clone(), with_sigma(factor * value, variance.map(|variance| factor * variance.sqrt())), unit]
             },
         )
     });
@@ -211,15 +221,17 @@ fn axis_tables(of: &AxisResult) -> [PageTable; 2] {
     );
     let figures = table(&heading, ["", "value", "unit"], basis.chain(noise.into_iter().flatten()));
     let limits = of.limits.iter().map(|limit| {
-        let value = limit.value.map_or("not known".to_owned(), |value| significant(value, 3));
+        let spec = SPECS.iter().find(|spec| spec.key == limit.name);
+        let (factor, unit) = units.shown(spec.map_or("", |spec| spec.unit));
+        let value = limit.value.map_or("not known".to_owned(), |value| significant(factor * value, 3));
         let met = match limit.met {
             Some(true) => "met",
             Some(false) => "not met",
             None => "not asked",
         };
-        [limit.name.clone(), value, significant(limit.bound, 3), met.to_owned()]
+        [limit.name.clone(), value, significant(factor * limit.bound, 3), unit, met.to_owned()]
     });
-    [figures, table(&format!("Axis {}: limits", of.axis), ["limit", "value", "bound", ""], limits)]
+    [figures, table(&format!("Axis {}: limits", of.axis), ["limit", "value", "bound", "unit", ""], limits)]
 }
 
 fn rigs(quality: &Quality) -> PageTable {
@@ -232,16 +244,16 @@ fn rigs(quality: &Quality) -> PageTable {
 
 fn capability(quality: &Quality) -> PageTable {
     let rows = quality.capability.iter().map(|of| {
-        let Capability { limit, bound, asked, n, not_met, mean, sigma, cpk, .. } = of;
+        let Capability { limit, unit: of_unit, bound, asked, n, not_met, mean, sigma, cpk, .. } = of;
         let cpk = cpk.map_or("-".to_owned(), |[value, sigma]| {
             let tight = if value + 1.96 * sigma < CAPABLE { ", tight" } else { "" };
             with_sigma(value, Some(sigma)) + tight
         });
         let known = |value: f64| if value.is_finite() { significant(value, 3) } else { "-".to_owned() };
         let not_met = format!("{not_met} of {asked}");
-        [limit.clone(), known(*bound), not_met, n.to_string(), known(*mean), known(*sigma), cpk]
+        [limit.clone(), known(*bound), unit(of_unit), not_met, n.to_string(), known(*mean), known(*sigma), cpk]
     });
-    table("Capability", ["limit", "bound", "not met", "values", "mean", "σ", "Cpk"], rows)
+    table("Capability", ["limit", "bound", "unit", "not met", "values", "mean", "σ", "Cpk"], rows)
 }
 
 fn refusals(quality: &Quality) -> PageTable {

@@ -16,7 +16,12 @@
     return text.replace("-", "−");
   };
   const degrees = (celsius) => String(Math.round(celsius)).replace("-", "−");
-  const unit = (text) => text.replaceAll("degC", "°C").replaceAll("deg/", "°/");
+  // Rates come in °/h and are shown in the unit that was asked for.
+  const ofDph = (dph) => (dph === null || dph === undefined ? dph : dph / state.dph_per_unit);
+  const withUnit = (value, text) => {
+    const own = text.replaceAll("degC", "°C").replaceAll("deg/", "°/");
+    return own.startsWith("°/h") ? `${figures3(ofDph(value))} ${state.units}${own.slice(3)}` : `${figures3(value)} ${own}`;
+  };
   const long = (seconds) => {
     if (seconds < 120) return Math.round(seconds) + " s";
     if (seconds < 7200) return Math.round(seconds / 60) + " min";
@@ -34,7 +39,7 @@
   const bounded = (bound) => (u) => {
     const line = document.createElement("div"), words = document.createElement("span");
     line.className = "bound";
-    words.textContent = `bound ${figures3(bound)} °/h`;
+    words.textContent = `bound ${figures3(bound)} ${state.units}`;
     line.append(words);
     u.over.append(line);
     u.hooks.draw = [() => {
@@ -87,8 +92,8 @@
 
   const drawRate = () => {
     const points = state.seconds;
-    const data = [points.map((p) => p.t_s / 60), ...state.names.axes.map((_, i) => points.map((p) => p.rates_dph[i] ?? null))];
-    figure("rate", data, state.names.axes.map((axis, i) => ({ label: "axis " + axis, stroke: colour(i) })), { x: "min", y: "°/h" });
+    const data = [points.map((p) => p.t_s / 60), ...state.names.axes.map((_, i) => points.map((p) => ofDph(p.rates_dph[i]) ?? null))];
+    figure("rate", data, state.names.axes.map((axis, i) => ({ label: "axis " + axis, stroke: colour(i) })), { x: "min", y: state.units });
   };
   const drawTemperature = () => {
     // What the means do not reach yet comes second by second.
@@ -99,27 +104,27 @@
   };
   const drawFit = () => {
     const study = state.study;
-    const floor = (a) => (a.floor_dph ? `, noise floor ${figures3(a.floor_dph)} °/h` : "");
-    const words = study.axes.map((a) => `Axis ${a.axis}: ${a.model}, residual σ ${figures3(a.residual_dph)} °/h${floor(a)}.`);
+    const floor = (a) => (a.floor_dph ? `, noise floor ${figures3(ofDph(a.floor_dph))} ${state.units}` : "");
+    const words = study.axes.map((a) => `Axis ${a.axis}: ${a.model}, residual σ ${figures3(ofDph(a.residual_dph))} ${state.units}${floor(a)}.`);
     put("fit-words", study.axes.length ? `${words.join(" ")} Fitted to the first ${long(study.recorded_s)}.` : "");
     if (!study.axes.length) return;
     // Each axis has its own temperatures: one x for all, nulls elsewhere.
-    const all = study.axes.flatMap((a, i) => a.residuals.map((r) => [r.temperature_c, i, r.after_dph]));
+    const all = study.axes.flatMap((a, i) => a.residuals.map((r) => [r.temperature_c, i, ofDph(r.after_dph)]));
     all.sort((p, q) => p[0] - q[0]);
     const data = [all.map((p) => p[0]), ...study.axes.map((_, i) => all.map((p) => (p[1] === i ? p[2] : null)))];
-    figure("residual", data, study.axes.map((a, i) => ({ label: `axis ${a.axis}, windows`, stroke: colour(i), dots: true })), { x: "°C", y: "°/h" });
+    figure("residual", data, study.axes.map((a, i) => ({ label: `axis ${a.axis}, windows`, stroke: colour(i), dots: true })), { x: "°C", y: state.units });
     const first = study.axes[0].curve.map((c) => c.temperature_c);
-    const known = study.axes.map((a) => a.curve.map((c) => c.half_dph));
+    const known = study.axes.map((a) => a.curve.map((c) => ofDph(c.half_dph)));
     const series = study.axes.map((a, i) => ({ label: `axis ${a.axis}`, stroke: colour(i) }));
-    figure("known", [first, ...known], series, { x: "°C", y: "°/h", bound: state.share_dph });
-    put("known-words", "Half of the 95 % interval, °/h." + (state.share_of ? ` The bound is ${state.share_of}.` : ""));
+    figure("known", [first, ...known], series, { x: "°C", y: state.units, bound: ofDph(state.share_dph) });
+    put("known-words", `Half of the 95 % interval, ${state.units}.` + (state.share_of ? ` The bound is ${state.share_of}.` : ""));
   };
   const drawAllan = () => {
     const curves = state.study.allan.filter(([, curve]) => curve.length > 1);
     if (!curves.length) return;
     const taus = [...new Set(curves.flatMap(([, curve]) => curve.map((p) => p.tau_s)))].sort((a, b) => a - b);
-    const of = (curve) => { const by = new Map(curve.map((p) => [p.tau_s, p.adev_dph])); return taus.map((t) => { const v = by.get(t); return v > 0 ? v : null; }); };
-    figure("allan", [taus, ...curves.map(([, curve]) => of(curve))], curves.map(([axis], i) => ({ label: "axis " + axis, stroke: colour(i) })), { x: "τ, s", y: "°/h", log: true });
+    const of = (curve) => { const by = new Map(curve.map((p) => [p.tau_s, ofDph(p.adev_dph)])); return taus.map((t) => { const v = by.get(t); return v > 0 ? v : null; }); };
+    figure("allan", [taus, ...curves.map(([, curve]) => of(curve))], curves.map(([axis], i) => ({ label: "axis " + axis, stroke: colour(i) })), { x: "τ, s", y: state.units, log: true });
   };
 
   // Words -----------------------------------------------------------------------------------------------------------------
@@ -136,7 +141,7 @@
   };
   const drawNow = () => {
     const now = state.now, tiles = [];
-    state.names.axes.forEach((axis, i) => tiles.push(tile("rate, axis " + axis, figures3(now.rates_dph[i]), "°/h")));
+    state.names.axes.forEach((axis, i) => tiles.push(tile("rate, axis " + axis, figures3(ofDph(now.rates_dph[i])), state.units)));
     const [first, ...others] = state.names.thermometers.map((name, i) => {
       const rate = now.temperature_rates_cpm[i] ?? null;
       return { name, celsius: now.temperatures_c[i] ?? null, rate: rate === null ? "" : `${rate > 0 ? "+" : ""}${figures3(rate)} °C/min` };
@@ -204,7 +209,7 @@
     at("missing").hidden = !enough || !enough.open.length;
     at("open").replaceChildren(...(enough ? enough.open : []).map((text) => item(text)));
     const limits = enough ? enough.axes.flatMap((a) => a.expected.map((e) => row(cell(e.limit), named("axis", a.axis),
-      named("error at 95 %", `${figures3(e.value_95)} ${unit(e.unit)}`), named("bound", `${figures3(e.bound)} ${unit(e.unit)}`)))) : [];
+      named("error at 95 %", withUnit(e.value_95, e.unit)), named("bound", withUnit(e.bound, e.unit))))) : [];
     at("limits-section").hidden = !limits.length;
     at("limits").tBodies[0].replaceChildren(...limits);
     const later = enough && enough.not_decided.length ? ["Decided by a retest: " + enough.not_decided.join(", ")] : [];
@@ -240,6 +245,7 @@
   const drawAll = () => {
     put("title", state.title);
     put("subtitle", state.subtitle);
+    document.querySelectorAll(".rate-unit").forEach((e) => { e.textContent = state.units; });
     drawMoment(); drawEvents(); drawFit(); drawAllan();
   };
 

@@ -25,6 +25,7 @@ use axum::middleware::{Next, from_fn_with_state};
 use axum::response::sse::{Event, KeepAlive, Sse};
 use axum::response::{IntoResponse, Redirect, Response};
 use axum::routing::{get, post};
+use sagnac_log::setup::RateUnit;
 use sagnac_log::threads::spawn;
 use sagnac_log::{Error, Result};
 use sagnac_report::{STYLE, UPLOT_CSS, UPLOT_JS, UPLOT_LICENCE};
@@ -68,6 +69,8 @@ pub struct PageOf {
     pub stop: Stop,
     /// What of a limit the curve may take, °/h, and which limit.
     pub share: Option<(f64, String)>,
+    /// Unit of the rates that are shown.
+    pub units: RateUnit,
     /// A log is replayed: its clock is not the one on the wall.
     pub is_replay: bool,
 }
@@ -330,6 +333,9 @@ struct Whole<'a> {
     is_replay: bool,
     share_dph: Option<f64>,
     share_of: Option<&'a str>,
+    /// For the page alone: the values are in °/h.
+    units: &'static str,
+    dph_per_unit: f64,
     #[serde(flatten)]
     now: NowTold<'a>,
     #[serde(flatten)]
@@ -364,6 +370,8 @@ async fn state(Shared(site): Shared<Arc<Site>>, headers: HeaderMap) -> Response 
             is_replay: page.is_replay,
             share_dph: page.share.as_ref().map(|(dph, _)| *dph),
             share_of: page.share.as_ref().map(|(_, limit)| limit.as_str()),
+            units: page.units.name(),
+            dph_per_unit: page.units.dph_per_unit(),
             now: now_told(page, state, Vec::new()),
             study: StudyTold { study: &state.study },
             events: EventsTold { events: &state.events, warnings: &state.warnings },

@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use sagnac::fleet::PriorFile;
 use sagnac::plan::{Chamber, Plan, PlanRequest, plan};
 use sagnac::verify::Limits;
-use sagnac_log::setup::{Setup, WindowSize};
+use sagnac_log::setup::{RateUnit, Setup, WindowSize};
 use sagnac_log::write::write_bytes;
-use sagnac_units::format::{celsius, significant, unit};
+use sagnac_units::format::{celsius, significant};
 
 use crate::args::setup::numbers;
+use crate::args::units::UnitsArgs;
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table;
@@ -57,6 +58,8 @@ pub(crate) struct Args {
     /// Steps for the chamber, as CSV
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
+    #[command(flatten)]
+    units: UnitsArgs,
     /// One JSON object on standard output, text on standard error
     #[arg(long)]
     json: bool,
@@ -82,7 +85,7 @@ impl Verb for Args {
             request.window_s = seconds;
         }
         let plan = plan(&request)?;
-        console.say(described(&plan, &request));
+        console.say(described(&plan, &request, self.units.over(&setup)));
         if let Some(path) = &self.output {
             write_bytes(path, csv(&plan).as_bytes())?;
             console.say(format!("wrote {}", path.display()));
@@ -92,7 +95,7 @@ impl Verb for Args {
     }
 }
 
-fn described(plan: &Plan, request: &PlanRequest) -> String {
+fn described(plan: &Plan, request: &PlanRequest, units: RateUnit) -> String {
     let mut out = format!(
         "{} h of chamber from {}: the error of the correction takes at most {} of each limit with a probability of {}\n",
         significant(plan.hours, 3),
@@ -107,18 +110,19 @@ fn described(plan: &Plan, request: &PlanRequest) -> String {
     out += &table(&["to, °C", "at, °C/min", "then soak, min"], steps);
     out += "\n";
     let limits = plan.expected.iter().map(|limit| {
+        let (factor, unit) = units.shown(&limit.unit);
         vec![
             limit.limit.clone(),
-            significant(limit.value_95, 2),
-            significant(limit.bound, 3),
+            significant(factor * limit.value_95, 2),
+            significant(factor * limit.bound, 3),
             format!("{:.0} %", 100.0 * limit.value_95 / limit.bound),
-            unit(&limit.unit),
+            unit,
         ]
     });
     out += &table(&["limit", "error, 95 %", "bound", "taken", "unit"], limits);
     out += &format!(
-        "\n  σ of the correction over temperatures and ramps: {} °/h; {} tests were compared",
-        significant(plan.sigma_dph, 2),
+        "\n  σ of the correction over temperatures and ramps: {}; {} tests were compared",
+        units.text(plan.sigma_dph, 2),
         plan.candidates
     );
     out += &match plan.hours_without_prior {

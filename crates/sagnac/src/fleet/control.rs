@@ -109,6 +109,12 @@ impl ControlChart {
         Self { centre, sigma, values, ewma, ewma_half, signals }
     }
 
+    /// Values of another unit. Rules count σ, so the signals stay.
+    pub(super) fn scale(&mut self, factor: f64) {
+        let all = [&mut self.values, &mut self.ewma, &mut self.ewma_half].into_iter().flatten();
+        all.chain([&mut self.centre, &mut self.sigma]).for_each(|value| *value *= factor);
+    }
+
     /// Points that broke a rule, and how many chance makes.
     pub fn count(&self, rule: Rule) -> (usize, Option<f64>) {
         let count = self.signals.iter().filter(|(_, broken)| *broken == rule).count();

@@ -15,10 +15,12 @@
 
 use std::collections::BTreeMap;
 
+use sagnac_log::setup::RateUnit;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::control::{ControlChart, SIGMA_OF_MAD, median};
 use super::result::{Acceptance, AxisResult, Outcome, UnitResult};
+use crate::verify::SPECS;
 
 /// Probability of any false rig effect in a report.
 const FALSE_ALARM: f64 = 0.01;
@@ -119,6 +121,8 @@ pub struct RigEffect {
 pub struct Capability {
     /// Its key.
     pub limit: String,
+    /// Unit of bound, mean and σ.
+    pub unit: String,
     /// The bound.
     pub bound: f64,
     /// Axes that were checked against it.
@@ -172,6 +176,31 @@ impl Quality {
         out.odd = odd.into_values().collect();
         out.odd.sort_by(|a, b| b.sigmas.abs().total_cmp(&a.sigmas.abs()));
         out
+    }
+}
+
+impl Quality {
+    /// The same with rates in a unit, for people; results keep °/h.
+    #[must_use]
+    pub fn shown_in(&self, units: RateUnit) -> Self {
+        let mut shown = self.clone();
+        for quantity in &mut shown.charts {
+            let (factor, unit) = units.shown(&quantity.unit);
+            quantity.unit = unit;
+            quantity.chart.scale(factor);
+        }
+        for effect in &mut shown.rigs {
+            let (factor, unit) = units.shown(&effect.unit);
+            effect.unit = unit;
+            effect.difference *= factor;
+            effect.sigma *= factor;
+        }
+        for of in &mut shown.capability {
+            let (factor, unit) = units.shown(&of.unit);
+            of.unit = unit;
+            [&mut of.bound, &mut of.mean, &mut of.sigma].into_iter().for_each(|value| *value *= factor);
+        }
+        shown
     }
 }
 
@@ -354,6 +383,7 @@ fn capabilities(results: &[UnitResult]) -> Vec<Capability> {
         let error = (1.0 / (9.0 * n) + cpk.powi(2) / (2.0 * (n - 1.0))).sqrt();
         Capability {
             limit: name.to_owned(),
+            unit: SPECS.iter().find(|spec| spec.key == name).map_or("", |spec| spec.unit).to_owned(),
             bound,
             asked: limits.len(),
             n: values.len(),

@@ -58,12 +58,22 @@ pub struct EnoughRequest {
     /// How often each temperature is to be passed, up or down. A third pass is the second in one direction, so that a change from one cycle to the next can
     /// show. A span below 10 °C has no passes.
     pub passes: u32,
+    /// Unit of the rates in open points.
+    pub units: RateUnit,
 }
 
 impl EnoughRequest {
     /// With a probability of 0.95, half of each limit, and three passes.
     pub fn new(limits: Limits) -> Self {
-        Self { limits, probability: 0.95, share: 0.5, span_c: None, rate_cpm: None, passes: 3 }
+        Self {
+            limits,
+            probability: 0.95,
+            share: 0.5,
+            span_c: None,
+            rate_cpm: None,
+            passes: 3,
+            units: RateUnit::default(),
+        }
     }
 }
 
@@ -244,13 +254,15 @@ fn axis_so_far(
     let letter = axis.axis;
     let mut say = |is_open: bool, what: String| open.extend(is_open.then(|| format!("axis {letter}: {what}")));
     say(fit.hysteresis.is_none(), "heating and cooling cannot be compared yet".to_owned());
-    fit.entanglement.iter().for_each(|entanglement| say(true, entanglement.note(RateUnit::DegPerHour)));
+    fit.entanglement.iter().for_each(|entanglement| say(true, entanglement.note(request.units)));
     say(axis.noise_floor().is_none(), "the noise floor is not known, so a misfit of the model is not seen".to_owned());
     if let (Some(limit), Some(beyond)) = (request.limits.sigma_beyond_floor_dph_max, beyond_floor(axis)) {
         say(
             beyond > limit,
             format!(
-                "the held-out residual is {beyond:.3} °/h beyond the noise floor, more than the limit of {limit} °/h"
+                "the held-out residual is {} beyond the noise floor, more than the limit of {}",
+                request.units.text(beyond, 3),
+                request.units.text(limit, 3)
             ),
         );
     }
@@ -295,8 +307,10 @@ fn misfit_of(axis: &AxisCalibration, points: &[WindowPoint], window_s: f64, requ
     let misfit = (beyond / bins.len().max(1) as f64).max(0.0).sqrt();
     (misfit > limit).then(|| {
         format!(
-            "axis {}: the model misses the residual over temperature, heating, cooling and rest by {misfit:.4} °/h, more than the allowed {limit:.4} °/h",
-            axis.axis
+            "axis {}: the model misses the residual over temperature, heating, cooling and rest by {}, more than the allowed {}",
+            axis.axis,
+            request.units.text(misfit, 3),
+            request.units.text(limit, 3)
         )
     })
 }

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use sagnac_bench::live::{Live, State, Versions};
 use sagnac_bench::source::Stop;
 use sagnac_bench::{SourceState, SourceStatus};
+use sagnac_log::setup::RateUnit;
 use sagnac_units::format::{celsius, significant};
 
 use crate::output::console::Console;
@@ -16,6 +17,7 @@ const LOOK: Duration = Duration::from_millis(200);
 
 /// What was said already.
 pub(crate) struct Lines {
+    units: RateUnit,
     said: Option<Instant>,
     last_event_ns: i64,
     warnings: Vec<(String, f64)>,
@@ -25,8 +27,9 @@ pub(crate) struct Lines {
 }
 
 impl Lines {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(units: RateUnit) -> Self {
         Self {
+            units,
             said: None,
             last_event_ns: i64::MIN,
             warnings: Vec::new(),
@@ -52,7 +55,7 @@ impl Lines {
             let is_due = self.said.is_none_or(|said| said.elapsed() >= EVERY);
             if is_due && !state.now.rates_dph.is_empty() {
                 self.said = Some(Instant::now());
-                said.extend(lines_of(state));
+                said.extend(lines_of(state, self.units));
             }
         });
         self.states.resize(sources.len(), SourceState::Waiting);
@@ -89,7 +92,7 @@ impl Lines {
     pub(crate) fn last(&mut self, live: &Live, console: &mut Console) {
         let said = live.look(|state| {
             let mut said = self.news(state);
-            said.extend(lines_of(state));
+            said.extend(lines_of(state, self.units));
             said
         });
         said.iter().for_each(|line| console.note(line));
@@ -97,11 +100,12 @@ impl Lines {
 }
 
 /// What is known, in a line or two.
-pub(crate) fn lines_of(state: &State) -> Vec<String> {
+pub(crate) fn lines_of(state: &State, units: RateUnit) -> Vec<String> {
     let now = &state.now;
-    let known = |value: Option<f64>, digits| value.map_or("–".to_owned(), |value| significant(value, digits));
     let axes = state.names.axes.iter().zip(&now.rates_dph);
-    let axes = axes.map(|(axis, rate)| format!("{axis} {} °/h", known(*rate, 5)));
+    let axes = axes.map(|(axis, rate)| {
+        format!("{axis} {} {}", rate.map_or("–".to_owned(), |dph| units.number(dph, 5)), units.name())
+    });
     let temperatures = state.names.thermometers.iter().zip(&now.temperatures_c);
     let temperatures = temperatures.map(|(name, c)| format!("{name} {} °C", c.map_or("–".to_owned(), celsius)));
     let all: Vec<String> = axes.chain(temperatures).collect();
@@ -111,12 +115,12 @@ pub(crate) fn lines_of(state: &State) -> Vec<String> {
     let mut lines = vec![format!("{}, {} rows: {}", long(now.t_s), state.counts.rows, all.join(", "))];
     let study = &state.study;
     for axis in &study.axes {
-        let floor = axis.floor_dph.map_or(String::new(), |floor| format!(", noise floor {}", significant(floor, 3)));
+        let floor = axis.floor_dph.map_or(String::new(), |floor| format!(", noise floor {}", units.number(floor, 3)));
         lines.push(format!(
-            "  axis {}: `{}`, residual σ {} °/h{floor}, {} … {} °C",
+            "  axis {}: `{}`, residual σ {}{floor}, {} … {} °C",
             axis.axis,
             axis.model,
-            significant(axis.residual_dph, 3),
+            units.text(axis.residual_dph, 3),
             celsius(axis.span_c[0]),
             celsius(axis.span_c[1])
         ));

@@ -16,7 +16,7 @@ use sagnac::{Error, Result};
 use sagnac_bench::live::{Live, LiveRequest};
 use sagnac_bench::page::{Page, PageOf};
 use sagnac_bench::{Finished, JournalRows, Session, finish, journal_of};
-use sagnac_log::setup::Setup;
+use sagnac_log::setup::{RateUnit, Setup};
 use sagnac_log::write::write_bytes;
 use sagnac_report::calibration_report;
 use sagnac_units::format::significant;
@@ -24,6 +24,7 @@ use sagnac_units::format::significant;
 use crate::args::report::ReportArgs;
 use crate::args::setup::SetupArgs;
 use crate::args::setup::source_date_epoch;
+use crate::args::units::UnitsArgs;
 use crate::files::{Files, interrupt, loading};
 use crate::output::calibration;
 use crate::output::console::{Console, Outcome, Ran};
@@ -86,6 +87,8 @@ pub(crate) struct Args {
     /// `auto`, or orders: "bias 3, rate 1"
     #[arg(long, default_value = "auto")]
     model: String,
+    #[command(flatten)]
+    units: UnitsArgs,
     #[command(flatten)]
     setup: SetupArgs,
 }
@@ -173,6 +176,7 @@ fn enough_of(args: &Args, setup: &Setup) -> Result<Option<EnoughRequest>> {
     request.share = bench.share.unwrap_or(request.share);
     request.probability = bench.probability.unwrap_or(request.probability);
     request.passes = bench.passes.unwrap_or(request.passes);
+    request.units = args.units.over(setup);
     Ok(Some(request))
 }
 
@@ -186,7 +190,7 @@ fn record(args: &Args, setup: &Setup, request: LiveRequest, journal: &Path, cons
     let live = Live::default();
     let reader = live.begin(JournalRows::follow(journal, session.published.clone())?, setup, request)?;
     let page = page_of(args, setup, share, &session, &live, console)?;
-    let mut shown = Shown::begin(args, &title, page.as_ref())?;
+    let mut shown = Shown::begin(args, &title, page.as_ref(), args.units.over(setup))?;
     loop {
         let has_ended = session.is_ended();
         shown.show(&live, &session, console)?;
@@ -218,12 +222,12 @@ enum Shown {
 }
 
 impl Shown {
-    fn begin(args: &Args, title: &str, page: Option<&Page>) -> Result<Self> {
+    fn begin(args: &Args, title: &str, page: Option<&Page>, units: RateUnit) -> Result<Self> {
         if !args.tui || !std::io::stdout().is_terminal() {
-            return Ok(Self::Lines(Lines::new()));
+            return Ok(Self::Lines(Lines::new(units)));
         }
         let page = page.map_or(String::new(), |page| format!("   http://{}", page.address));
-        BenchScreen::begin(&format!("{title}{page}")).map(|screen| Self::Screen(Box::new(screen)))
+        BenchScreen::begin(&format!("{title}{page}"), units).map(|screen| Self::Screen(Box::new(screen)))
     }
 
     /// Shows what is new, and waits for more or a moment.
@@ -243,8 +247,9 @@ impl Shown {
         let mut lines = match self {
             Self::Lines(lines) => lines,
             Self::Screen(screen) => {
+                let units = screen.units();
                 drop(screen);
-                Lines::new()
+                Lines::new(units)
             }
         };
         lines.last(live, console);
@@ -296,6 +301,7 @@ fn page_of(
         clock: session.clock,
         stop: session.stop.clone(),
         share,
+        units: args.units.over(setup),
         is_replay: is_replay(setup),
     };
     let page = match Page::begin(content.clone(), address) {
@@ -336,11 +342,12 @@ fn calibrate(args: &Args, setup: &Setup, model: Model, console: &mut Console) ->
     let options = FitOptions::new(model).source_date_epoch(source_date_epoch()?).progress(of_fit());
     let (calibration, report_data) = calibrate_with_report_data(windows, &setup, &options)?;
     drop(options);
+    let units = args.units.over(&setup);
     for axis in &calibration.axes {
-        calibration::describe(console, axis, setup.units.unwrap_or_default());
+        calibration::describe(console, axis, units);
     }
     write_record(args, &calibration, console)?;
-    args.report.write(console, || calibration_report(&calibration, &report_data, setup.units.unwrap_or_default()))?;
+    args.report.write(console, || calibration_report(&calibration, &report_data, units))?;
     Ok(Outcome::Done)
 }
 

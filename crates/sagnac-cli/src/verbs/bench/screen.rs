@@ -17,6 +17,7 @@ use sagnac::{Error, Result};
 use sagnac_bench::live::{Live, State, TrendPoint};
 use sagnac_bench::source::Stop;
 use sagnac_bench::{SourceState, SourceStatus};
+use sagnac_log::setup::RateUnit;
 use sagnac_units::format::{printable, significant};
 
 use crate::verbs::bench::lines::{lines_of, long};
@@ -37,6 +38,7 @@ pub(crate) struct View<'a> {
     pub(crate) sources: &'a [SourceStatus],
     /// Figure that a narrow terminal shows, from 0.
     pub(crate) chosen: usize,
+    pub(crate) units: RateUnit,
 }
 
 /// The terminal; it is as before when this ends.
@@ -46,22 +48,31 @@ pub(crate) struct BenchScreen {
     chosen: usize,
     /// Keys were asked to end the recording once.
     asked: bool,
+    units: RateUnit,
 }
 
 impl BenchScreen {
     /// Takes the terminal over.
-    pub(crate) fn begin(title: &str) -> Result<Self> {
+    pub(crate) fn begin(title: &str, units: RateUnit) -> Result<Self> {
         let terminal = ratatui::try_init()
             .map_err(|e| Error::input(format!("cannot draw on this terminal: {e}"), "remove --tui"))?;
-        Ok(Self { terminal, title: printable(title).into_owned(), chosen: 0, asked: false })
+        Ok(Self { terminal, title: printable(title).into_owned(), chosen: 0, asked: false, units })
+    }
+
+    /// The unit of its rates.
+    pub(crate) fn units(&self) -> RateUnit {
+        self.units
     }
 
     /// Draws what is known, and waits for a key or a moment.
     pub(crate) fn show(&mut self, live: &Live, sources: &[SourceStatus], stop: &Stop) -> Result<()> {
         let failed = |e: std::io::Error| Error::input(format!("cannot draw on this terminal: {e}"), "remove --tui");
-        let (title, chosen, terminal) = (&self.title, self.chosen, &mut self.terminal);
+        let (title, chosen, units, terminal) = (&self.title, self.chosen, self.units, &mut self.terminal);
         live.look(|state| {
-            terminal.draw(|frame| draw(frame, &View { title, state, sources, chosen })).map(|_| ()).map_err(failed)
+            terminal
+                .draw(|frame| draw(frame, &View { title, state, sources, chosen, units }))
+                .map(|_| ())
+                .map_err(failed)
         })?;
         if event::poll(EVERY).map_err(failed)?
             && let Event::Key(key) = event::read().map_err(failed)?
@@ -104,7 +115,7 @@ impl Drop for BenchScreen {
 }
 
 /// The figures, in the order of their keys.
-const FIGURES: [fn(&mut Frame<'_>, Rect, &State); 5] = [rate, temperature, residual, known, allan];
+const FIGURES: [fn(&mut Frame<'_>, Rect, &View<'_>); 5] = [rate, temperature, residual, known, allan];
 
 /// Draws everything.
 pub(crate) fn draw(frame: &mut Frame<'_>, view: &View<'_>) {
@@ -123,9 +134,9 @@ pub(crate) fn draw(frame: &mut Frame<'_>, view: &View<'_>) {
         let [one, two] = Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)]).areas(upper);
         let [three, four, five] =
             Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1), Constraint::Fill(1)]).areas(lower);
-        FIGURES.iter().zip([one, two, three, four, five]).for_each(|(figure, area)| figure(frame, area, view.state));
+        FIGURES.iter().zip([one, two, three, four, five]).for_each(|(figure, area)| figure(frame, area, view));
     } else if let Some(figure) = FIGURES.get(view.chosen) {
-        figure(frame, figures, view.state);
+        figure(frame, figures, view);
     }
     frame.render_widget(Paragraph::new(news_of(view.state, news.height)).wrap(Wrap { trim: false }), news);
 }
@@ -143,7 +154,7 @@ fn words(view: &View<'_>) -> Vec<Line<'static>> {
             if source.state == SourceState::Lost { format!("lost: {}", source.why) } else { "silent".to_owned() };
         all.push(Line::styled(printable(&format!("{} is {word}", source.name)).into_owned(), Color::LightRed));
     }
-    all.extend(lines_of(state).into_iter().map(|line| Line::raw(printable(&line).into_owned())));
+    all.extend(lines_of(state, view.units).into_iter().map(|line| Line::raw(printable(&line).into_owned())));
     all
 }
 
@@ -210,12 +221,15 @@ fn curves<N: std::fmt::Display>(
     names.iter().enumerate().map(curve).collect()
 }
 
-fn rate(frame: &mut Frame<'_>, area: Rect, state: &State) {
-    let all = curves(&state.names.axes, &state.seconds(), 60.0, |point| &point.rates_dph);
-    chart(frame, area, "1 rate, last ten minutes", ["min", "°/h"], &all);
+fn rate(frame: &mut Frame<'_>, area: Rect, view: &View<'_>) {
+    let state = view.state;
+    let mut all = curves(&state.names.axes, &state.seconds(), 60.0, |point| &point.rates_dph);
+    all.iter_mut().flat_map(|curve| &mut curve.points).for_each(|point| point.1 = view.units.of_dph(point.1));
+    chart(frame, area, "1 rate, last ten minutes", ["min", view.units.name()], &all);
 }
 
-fn temperature(frame: &mut Frame<'_>, area: Rect, state: &State) {
+fn temperature(frame: &mut Frame<'_>, area: Rect, view: &View<'_>) {
+    let state = view.state;
     let mut points = state.means();
     let end_s = points.last().map_or(f64::NEG_INFINITY, |point| point.t_s);
     points.extend(state.seconds().into_iter().filter(|point| point.t_s > end_s));
@@ -223,34 +237,38 @@ fn temperature(frame: &mut Frame<'_>, area: Rect, state: &State) {
     chart(frame, area, "2 temperature", ["h", "°C"], &all);
 }
 
-fn residual(frame: &mut Frame<'_>, area: Rect, state: &State) {
+fn residual(frame: &mut Frame<'_>, area: Rect, view: &View<'_>) {
     let curve = |axis: &sagnac_bench::live::StudyAxis| ScreenCurve {
         name: axis.axis.to_string(),
-        points: axis.residuals.iter().map(|point| (point.temperature_c, point.after_dph)).collect(),
+        points: axis.residuals.iter().map(|point| (point.temperature_c, view.units.of_dph(point.after_dph))).collect(),
         dots: true,
     };
-    let all: Vec<ScreenCurve> = state.study.axes.iter().map(curve).collect();
-    chart(frame, area, "3 residual on the fit so far", ["°C", "°/h"], &all);
+    let all: Vec<ScreenCurve> = view.state.study.axes.iter().map(curve).collect();
+    chart(frame, area, "3 residual on the fit so far", ["°C", view.units.name()], &all);
 }
 
-fn known(frame: &mut Frame<'_>, area: Rect, state: &State) {
+fn known(frame: &mut Frame<'_>, area: Rect, view: &View<'_>) {
     let curve = |axis: &sagnac_bench::live::StudyAxis| ScreenCurve {
         name: axis.axis.to_string(),
-        points: axis.curve.iter().map(|at| (at.temperature_c, at.half_dph)).collect(),
+        points: axis.curve.iter().map(|at| (at.temperature_c, view.units.of_dph(at.half_dph))).collect(),
         dots: false,
     };
-    let all: Vec<ScreenCurve> = state.study.axes.iter().map(curve).collect();
-    chart(frame, area, "4 half of the curve's 95 % interval", ["°C", "°/h"], &all);
+    let all: Vec<ScreenCurve> = view.state.study.axes.iter().map(curve).collect();
+    chart(frame, area, "4 half of the curve's 95 % interval", ["°C", view.units.name()], &all);
 }
 
-fn allan(frame: &mut Frame<'_>, area: Rect, state: &State) {
+fn allan(frame: &mut Frame<'_>, area: Rect, view: &View<'_>) {
     let drawn = |(axis, curve): &(char, Vec<sagnac_bench::live::DeviationAt>)| ScreenCurve {
         name: axis.to_string(),
-        points: curve.iter().filter(|at| at.adev_dph > 0.0).map(|at| (at.tau_s.log10(), at.adev_dph.log10())).collect(),
+        points: curve
+            .iter()
+            .filter(|at| at.adev_dph > 0.0)
+            .map(|at| (at.tau_s.log10(), view.units.of_dph(at.adev_dph).log10()))
+            .collect(),
         dots: false,
     };
-    let all: Vec<ScreenCurve> = state.study.allan.iter().map(drawn).collect();
-    chart(frame, area, "5 Allan deviation so far", ["log10 τ/s", "log10 °/h"], &all);
+    let all: Vec<ScreenCurve> = view.state.study.allan.iter().map(drawn).collect();
+    chart(frame, area, "5 Allan deviation so far", ["log10 τ/s", &format!("log10 {}", view.units.name())], &all);
 }
 
 #[cfg(test)]
@@ -289,7 +307,13 @@ mod tests {
         let mut silent = SourceStatus::waiting("the gyro".into(), 3.0);
         silent.state = SourceState::Silent;
         for (width, height) in [(1, 1), (20, 5), (60, 20), (80, 24), (200, 60)] {
-            let view = View { title: "RLG-7", state: &state, sources: std::slice::from_ref(&silent), chosen: 1 };
+            let view = View {
+                title: "RLG-7",
+                state: &state,
+                sources: std::slice::from_ref(&silent),
+                chosen: 1,
+                units: RateUnit::DegPerHour,
+            };
             let shown = text(&view, width, height);
             if width >= 60 {
                 assert!(shown.contains("RLG-7") && shown.contains("the gyro is silent"), "{shown}");

@@ -3,10 +3,12 @@
 use std::path::PathBuf;
 
 use sagnac::fleet::{Quality, UnitResult, parts_of, results_in};
+use sagnac_log::setup::Setup;
 use sagnac_report::fleet_report;
 use sagnac_units::format::{significant, unit, with_sigma};
 
 use crate::args::report::ReportArgs;
+use crate::args::units::UnitsArgs;
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::MOST_COLUMNS;
@@ -22,6 +24,8 @@ pub(crate) struct Args {
     fleet: PathBuf,
     #[command(flatten)]
     report: ReportArgs,
+    #[command(flatten)]
+    units: UnitsArgs,
 }
 
 /// Times from this on are dates, s since 1970: no test lasts three years.
@@ -36,10 +40,11 @@ impl Verb for Args {
         if dated {
             results.sort_by(|a, b| a.time_s.unwrap_or(0.0).total_cmp(&b.time_s.unwrap_or(0.0)));
         }
-        let quality = Quality::of(&results);
+        let units = self.units.over(&Setup::default());
+        let quality = Quality::of(&results).shown_in(units);
         describe(console, &quality);
         let order = if dated { "the times of their logs" } else { "the names of the units: the logs have no dates" };
-        self.report.write(console, || fleet_report(&quality, &results, order))?;
+        self.report.write(console, || fleet_report(&quality, &results, order, units))?;
         Ok(Outcome::Done)
     }
 }
