@@ -125,11 +125,11 @@ fn rates_are_shown_in_the_unit_that_is_asked() {
         ] {
             it.run(&report);
             let page = fs::read_to_string(it.0.path().join("r.html")).unwrap();
-            // The reason for a missing noise term states its bound in the unit of the record.
-            let is_other = page.contains("°/h") && !report.starts_with("allan");
-            assert!(page.contains(name) && !is_other, "{report}");
+            assert!(page.contains(name) && !page.contains("°/h"), "{report}");
             fs::remove_file(it.0.path().join("r.html")).unwrap();
         }
+        let why = String::from_utf8(it.run(&format!("-v allan run1.csv --units {unit}")).stdout).unwrap();
+        assert!(why.contains("at most") && !why.contains("°/h") && !why.contains("°/√h"), "{why}");
         let verbose = it.run(&format!("-v {calibrate} --units {unit}"));
         assert!(!String::from_utf8_lossy(&verbose.stdout).contains("°/h"), "{verbose:?}");
     }

@@ -27,7 +27,7 @@ mod terms;
 pub use charts::{Band, Chart, ChartPage, Curve, PageTable, chart_report};
 pub use compared::comparison_report;
 pub use fleet::fleet_report;
-pub use noise::{noise_report, row_notes, term_text};
+pub use noise::{noise_report, reason_text, row_notes, term_text};
 pub use page::{STYLE, UPLOT_CSS, UPLOT_JS, UPLOT_LICENCE, calibration_report, verification_report};
 pub use report::Report;
 pub use sheet::Sheet;

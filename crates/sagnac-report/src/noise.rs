@@ -31,7 +31,7 @@ pub fn noise_report(budget: &NoiseBudget, units: RateUnit) -> Result<Report> {
     }
     page.charts.extend(budget.axes.iter().map(|axis| allan_chart(axis, units)));
     page.charts.extend(budget.axes.iter().filter_map(hadamard_chart));
-    page.tables.extend(budget.axes.iter().filter_map(unresolved_table));
+    page.tables.extend(budget.axes.iter().filter_map(|axis| unresolved_table(axis, units)));
     page.tables.extend(budget.axes.iter().map(|axis| curve_table(axis, units)));
     let inputs = budget.inputs.iter().map(|i| vec![file_name(&i.file), i.rows.to_string(), i.sha256.clone()]);
     page.tables.push(table("Provenance", ["log", "rows", "SHA-256"], inputs));
@@ -171,6 +171,19 @@ pub fn term_text(value: &TermValue, factor: f64) -> [String; 2] {
     }
 }
 
+/// Why a term is missing, with its bound in a unit. The budget states it in that of the term: `at most 0.22 °/√h`.
+pub fn reason_text(term: AllanTerm, reason: &str, units: RateUnit) -> String {
+    const BOUND: &str = "at most ";
+    let own = term.name().1;
+    let (factor, unit) = units.shown(own);
+    let shown = reason.split_once(BOUND).and_then(|(before, after)| {
+        let (number, after) = after.split_once(' ')?;
+        let after = after.strip_prefix(own)?;
+        Some(format!("{before}{BOUND}{} {unit}{after}", significant(factor * number.parse::<f64>().ok()?, 2)))
+    });
+    shown.filter(|_| units != RateUnit::DegPerHour).unwrap_or_else(|| reason.to_owned())
+}
+
 /// In the order of a data sheet. The first three are always listed, the others where an axis has them.
 const LISTED: [AllanTerm; 5] = [
     AllanTerm::AngleRandomWalk,
@@ -203,9 +216,11 @@ fn terms_of_all(axes: &[AxisBudget], units: RateUnit) -> PageTable {
 }
 
 /// Why terms of an axis are missing.
-fn unresolved_table(axis: &AxisBudget) -> Option<PageTable> {
+fn unresolved_table(axis: &AxisBudget, units: RateUnit) -> Option<PageTable> {
     let reason = |term: &AllanTerm| match axis.terms.get(*term) {
-        TermValue::Unresolved { unresolved } => Some(vec![term.name().0.to_owned(), unresolved.clone()]),
+        TermValue::Unresolved { unresolved } => {
+            Some(vec![term.name().0.to_owned(), reason_text(*term, unresolved, units)])
+        }
         TermValue::Found { .. } => None,
     };
     let rows: Vec<Vec<String>> = AllanTerm::ALL.iter().filter_map(reason).collect();

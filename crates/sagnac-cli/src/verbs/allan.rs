@@ -8,7 +8,7 @@ use sagnac::{Error, Result};
 use sagnac_log::setup::{RateUnit, Setup};
 use sagnac_log::write::write_bytes;
 use sagnac_noise::{AllanTerm, AxisBudget, Taus, TermValue};
-use sagnac_report::{noise_report, row_notes, term_text};
+use sagnac_report::{noise_report, reason_text, row_notes, term_text};
 use sagnac_units::format::significant;
 
 use crate::args::report::ReportArgs;
@@ -200,7 +200,7 @@ fn describe(console: &mut Console, axis: &AxisBudget, units: RateUnit) {
         vec![term.name().0.to_owned(), unit, value, interval]
     });
     console.say(table(&["term", "unit", "value", "95 % interval"], rows));
-    for (letter, why) in reasons(axis) {
+    for (letter, why) in reasons(axis, units) {
         console.say(format!("  {letter}: {why}"));
     }
     let step = axis.curve.len().div_ceil(SHOWN_TAUS).max(1);
@@ -215,17 +215,18 @@ fn describe(console: &mut Console, axis: &AxisBudget, units: RateUnit) {
 }
 
 /// Why terms are missing: letters of those with the same reason together.
-fn reasons(axis: &AxisBudget) -> Vec<(String, String)> {
+fn reasons(axis: &AxisBudget, units: RateUnit) -> Vec<(String, String)> {
     let mut out: Vec<(String, String)> = Vec::new();
     for term in AllanTerm::ALL {
         let TermValue::Unresolved { unresolved } = axis.terms.get(term) else { continue };
         let letter = term.name().0.chars().last().unwrap_or_default();
-        match out.iter_mut().find(|(_, why)| why == unresolved) {
+        let unresolved = reason_text(term, unresolved, units);
+        match out.iter_mut().find(|(_, why)| *why == unresolved) {
             Some((letters, _)) => {
                 letters.push_str(", ");
                 letters.push(letter);
             }
-            None => out.push((letter.to_string(), unresolved.clone())),
+            None => out.push((letter.to_string(), unresolved)),
         }
     }
     out
