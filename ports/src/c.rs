@@ -113,8 +113,14 @@ fn vectors() -> Vec<TextFile> {
 }
 
 /// The files for some axes of a gyro: the correction, the constants of the unit (those of its loops if their table is given), a program that
-/// checks them, and the parts. With all parts also the program that checks a port with the reference vectors. Names may have folders.
-pub fn c_files(images: &[Image], loops: Option<&LoopTable>, parts: &[Part]) -> Vec<TextFile> {
+/// checks them, and the parts. `removed_dph` has for each image the fixed bias that its correction takes out, if any; images alone do not show it. With
+/// all parts also the program that checks a port with the reference vectors. Names may have folders.
+pub fn c_files(
+    images: &[Image],
+    removed_dph: Option<&[Option<f64>]>,
+    loops: Option<&LoopTable>,
+    parts: &[Part],
+) -> Vec<TextFile> {
     let is_whole = Part::ALL.iter().all(|part| parts.contains(part));
     let mut parts = parts.to_vec();
     parts.extend(loops.map(|_| Part::Loops));
@@ -125,7 +131,7 @@ pub fn c_files(images: &[Image], loops: Option<&LoopTable>, parts: &[Part]) -> V
         files.extend(vectors());
     }
     files.push(TextFile::new("sagnac_version.h", version_header()));
-    files.push(TextFile::new("sagnac_unit.h", unit_header(images, loops)));
+    files.push(TextFile::new("sagnac_unit.h", unit_header(images, removed_dph, loops)));
     files.push(TextFile::new("sagnac_unit.c", unit_source(images, loops)));
     files.push(TextFile::new("sagnac_rates.h", rates_header(images)));
     files.push(TextFile::new("sagnac_unit_check.c", unit_check(&named(images), &about(images))));
@@ -172,22 +178,23 @@ fn about(images: &[Image]) -> String {
     format!("/* Constants of gyro {plain}. Made by `sagnac export --to c`. */\n")
 }
 
-fn unit_header(images: &[Image], loops: Option<&LoopTable>) -> String {
+fn unit_header(images: &[Image], removed_dph: Option<&[Option<f64>]>, loops: Option<&LoopTable>) -> String {
     let mut out = about(images);
     out.push_str("#ifndef SAGNAC_UNIT_H\n#define SAGNAC_UNIT_H\n\n#include \"sagnac_compensator.h\"\n");
     if loops.is_some() {
         out.push_str("#include \"sagnac_intensity.h\"\n#include \"sagnac_path_length.h\"\n");
     }
     out.push_str("#include \"sagnac_version.h\"\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n");
-    for image in images {
+    for (at, image) in images.iter().enumerate() {
         let d = image.description();
         // Writing to a String cannot fail.
         let _ = writeln!(
             out,
-            "/* Axis {}, image {}. {} */\nextern const sagnac_image {};\n",
+            "/* Axis {}, image {}. {}\n * {} */\nextern const sagnac_image {};\n",
             d.axis as char,
             d.sequence,
             size_of_count(image),
+            fixed_bias(removed_dph.map(|all| all.get(at).copied().flatten())),
             name_of(image)
         );
         if let Some([above, below]) = counts_per_nano_dps(image) {
@@ -207,7 +214,7 @@ fn unit_header(images: &[Image], loops: Option<&LoopTable>) -> String {
 /// A number for people: twelve digits, an exponent where it is small.
 fn decimal(value: f64) -> String {
     let value: f64 = format!("{value:.11e}").parse().unwrap_or(value);
-    if (1e-3..1e6).contains(&value) { value.to_string() } else { format!("{value:e}") }
+    if (1e-3..1e6).contains(&value.abs()) { value.to_string() } else { format!("{value:e}") }
 }
 
 /// Angle of a count, arcsec, and the rate of one count in a tick, °/s.
@@ -227,6 +234,15 @@ fn size_of_count(image: &Image) -> String {
         decimal(tick_us),
         decimal(dps)
     )
+}
+
+/// What the correction does to the fixed bias, in words; `None` where the images alone are given.
+fn fixed_bias(removed_dph: Option<Option<f64>>) -> String {
+    match removed_dph {
+        Some(Some(dph)) => format!("The correction takes the fixed bias out: {} deg/h.", decimal(dph)),
+        Some(None) => "The fixed bias stays in the corrected counts.".to_owned(),
+        None => "Fixed bias: only the calibration of this image shows whether it is taken out.".to_owned(),
+    }
 }
 
 /// Counts of a tick from a rate in 1e-9 °/s, as a ratio of whole numbers: 3600·tick/(1000·size); `None` where 2000 °/s would overflow.

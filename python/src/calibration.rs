@@ -169,7 +169,8 @@ impl Calibration {
 
     /// Writes the C sources; their paths.
     fn export_c(&self, folder: PathBuf, sequence: u32) -> PyResult<Vec<PathBuf>> {
-        let files = c_files(&self.images(sequence).map_err(exception)?, None, &[]);
+        let images = self.images(sequence).map_err(exception)?;
+        let files = c_files(&images, Some(&self.record.removed_dph()), None, &[]);
         let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
         let write = || -> Result<()> {
             if let Some((_, path)) = files.iter().zip(&paths).find(|(file, path)| !file.may_replace(path)) {

@@ -96,6 +96,21 @@ fn the_default_export_states_its_counts_and_checks_its_unit() {
             && header.contains("1 in each tick of 100 us is 0.735416666667 deg/s"),
         "{header}"
     );
+    // An image does not show it; the calibration does.
+    assert!(header.contains("only the calibration of this image shows whether it is taken out"), "{header}");
+    let cycles = root().join("testdata/chamber");
+    let [one, two, setup] = ["cycle-1.csv.gz", "cycle-2.csv.gz", "bench.toml"].map(|name| cycles.join(name));
+    let record = folder.path().join("unit.cal.json");
+    let given =
+        ["calibrate", text(&one), text(&two), "--setup", text(&setup), "--model", "bias 3", "-o", text(&record)];
+    for (more, words) in [(None, "The fixed bias stays in"), (Some("--remove-bias"), "takes the fixed bias out: ")] {
+        let made = sagnac(&given.iter().copied().chain(more).collect::<Vec<_>>());
+        assert_eq!(made.0, 0, "{}", made.2);
+        let c = folder.path().join("calibrated");
+        assert_eq!(sagnac(&["export", text(&record), "--to", "c", "-o", text(&c)]).0, 0);
+        let header = fs::read_to_string(c.join("sagnac_unit.h")).unwrap();
+        assert!(header.contains(words), "{header}");
+    }
     let value = |name: &str| -> f64 {
         let line = header.lines().find(|line| line.contains(name)).unwrap_or_else(|| panic!("{header}"));
         line.split(['(', ')']).nth(1).unwrap().parse().unwrap()

@@ -122,7 +122,8 @@ impl Verb for Args {
             Target::C => {
                 let images = images(self)?;
                 let parts: Vec<Part> = self.with.iter().map(|part| part.of_ports()).collect();
-                let files = c_files(&images, table(self, &images)?.as_ref(), &parts);
+                let removed_dph = removed_dph(&self.input)?;
+                let files = c_files(&images, removed_dph.as_deref(), table(self, &images)?.as_ref(), &parts);
                 folders(self, &[(self.output.clone(), files)], console)
             }
             Target::Verilog => {
@@ -319,6 +320,12 @@ fn images(args: &Args) -> Result<Vec<Image>> {
         }
         _ => encode_all(&calibration(&args.input)?, args.sequence),
     }
+}
+
+/// Of each axis the fixed bias that its correction takes out; an image does not show it.
+fn removed_dph(input: &Path) -> Result<Option<Vec<Option<f64>>>> {
+    let is_calibration = matches!(loading::kind_of(input)?, FileKind::Calibration);
+    is_calibration.then(|| Ok(loading::calibration(input)?.removed_dph())).transpose()
 }
 
 fn encode_all(calibration: &Calibration, sequence: Option<u32>) -> Result<Vec<Image>> {

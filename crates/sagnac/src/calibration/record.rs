@@ -138,4 +138,10 @@ impl Calibration {
             InputSource::Difference(..) | InputSource::Column(_) | InputSource::Repeat(_) => None,
         }
     }
+
+    /// Of each axis the fixed bias that its correction takes out, °/h; `None` where it stays.
+    pub fn removed_dph(&self) -> Vec<Option<f64>> {
+        let of_axis = |axis: &AxisCalibration| axis.correction.fixed_bias.map(|bias| bias.value_dph);
+        self.axes.iter().map(of_axis).collect()
+    }
 }

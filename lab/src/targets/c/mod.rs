@@ -74,7 +74,7 @@ const MACHINES: [Machine; 3] = [
 pub(crate) fn c() -> Result<()> {
     need(debian::C)?;
     let folder = root().join("target/c");
-    write(&folder, &c_files(&[image("compensator-full")?], Some(&loops()?), &Part::ALL))?;
+    write(&folder, &c_files(&[image("compensator-full")?], None, Some(&loops()?), &Part::ALL))?;
     checks::all(&folder)?;
     let given = Given {
         verdicts: records::verdicts(&folder)?,
