@@ -10,7 +10,7 @@ use crate::verify::limits::source::{LimitsSource, Specification};
 use crate::verify::limits::verdict::{Decided, DecisionRule, Verdict};
 use crate::verify::values::rate_table::{MOST_UNVISITED, worst_known};
 use crate::verify::values::repeatability::RUN_WITHOUT_BIAS;
-use crate::verify::{AxisVerification, BiasRepeatability, Estimate, PlateauProof, Plateaus, ScaleProof};
+use crate::verify::{AxisVerification, BiasRepeatability, Estimate, PlateauProof, ScaleProof};
 
 /// Which side of a limit is met.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -138,13 +138,19 @@ impl LimitSpec {
 
     /// A verdict that is not met, with the plateau whose value it is.
     fn at_plateau(&self, axis: &AxisVerification, verdict: Verdict) -> Verdict {
-        let of = |plateaus: Plateaus| match self.key {
-            PLATEAU_SIGMA => plateaus.worst_sigma_temperature_c,
-            PLATEAU_OFFSET => Some(plateaus.worst_offset_temperature_c),
+        let at_rest = axis.residual.plateaus;
+        let turned = || scale_of(axis);
+        let at_c = || match self.key {
+            PLATEAU_SIGMA => at_rest?.worst_sigma_temperature_c,
+            PLATEAU_OFFSET => Some(at_rest?.worst_offset_temperature_c),
+            SCALE_SIGMA | SCALE_RANGE => turned()?.furthest_c(),
+            ASYMMETRY => worst_plateau(axis, |plateau| plateau.asymmetry).map(|(at_c, _)| at_c),
+            NONLINEARITY => worst_plateau(axis, |plateau| plateau.nonlinearity).map(|(at_c, _)| at_c),
+            HYSTERESIS => turned()?.hysteresis().map(|(at_c, _)| at_c),
             _ => None,
         };
-        let failing = axis.residual.plateaus.filter(|_| verdict.pass == Some(false));
-        Verdict { plateau_c: failing.and_then(of), ..verdict }
+        let plateau_c = if verdict.pass == Some(false) { at_c() } else { None };
+        Verdict { plateau_c, ..verdict }
     }
 
     /// The limit is not asked, and why.
@@ -213,6 +219,11 @@ const OF_ALL: [&str; 2] = ["turn_on_sigma_dph_max", POSITION_ERROR];
 const LEAST_OVER_FLOOR: f64 = 0.9;
 const PLATEAU_SIGMA: &str = "plateau_sigma_dph_max";
 const PLATEAU_OFFSET: &str = "plateau_offset_dph_max";
+const SCALE_SIGMA: &str = "scale_factor_sigma_ppm_max";
+const SCALE_RANGE: &str = "scale_factor_peak_to_peak_ppm_max";
+const ASYMMETRY: &str = "scale_factor_asymmetry_ppm_max";
+const NONLINEARITY: &str = "scale_factor_nonlinearity_ppm_max";
+const HYSTERESIS: &str = "scale_factor_hysteresis_ppm_max";
 pub(crate) const POSITION_ERROR: &str = "position_error_m_max";
 const NO_PLATEAU: &str = "no five steady windows within 1 °C of each other";
 const NO_SLOPE: &str =
@@ -237,9 +248,17 @@ fn size_ppm(estimate: Option<PpmEstimate>) -> LimitValue {
     estimate.map(|estimate| (estimate.ppm.abs(), Some(estimate.sigma_ppm)))
 }
 
-/// The largest of some of the plateaus' estimates.
+/// The largest of some of the plateaus' estimates, with its temperature.
+fn worst_plateau(
+    axis: &AxisVerification,
+    value: fn(&PlateauProof) -> Option<PpmEstimate>,
+) -> Option<(f64, PpmEstimate)> {
+    let plateaus = scale_of(axis).into_iter().flat_map(|scale| &scale.plateaus);
+    worst_known(plateaus.filter_map(|plateau| Some((plateau.temperature_c, value(plateau)?))))
+}
+
 fn largest_ppm(axis: &AxisVerification, value: fn(&PlateauProof) -> Option<PpmEstimate>) -> LimitValue {
-    size_ppm(worst_known(scale_of(axis).into_iter().flat_map(|scale| &scale.plateaus).filter_map(value)))
+    size_ppm(worst_plateau(axis, value).map(|(_, worst)| worst))
 }
 
 fn over_floor(axis: &AxisVerification) -> Option<f64> {
@@ -411,7 +430,7 @@ limits! {
         |a| largest_ppm(a, |plateau| plateau.nonlinearity), "no plateau has three rates, or too few temperatures have a plateau";
     /// largest difference of the scale factor between visits of one temperature
     scale_factor_hysteresis_ppm_max: "scale factor hysteresis, largest", Most, ANY, "ppm", Turned,
-        |a| size_ppm(scale_of(a).and_then(ScaleProof::hysteresis)),
+        |a| size_ppm(scale_of(a).and_then(ScaleProof::hysteresis).map(|(_, worst)| worst)),
         "no temperature was visited twice, or too few of them have a plateau";
     /// fraction of the fit's temperature rates that the ramps reach
     rate_covered_min: "temperature rates covered, fraction", Least, WHOLE, "", WithRate,

@@ -81,16 +81,24 @@ const ONE_TEMPERATURE_C: f64 = 1.0;
 
 impl ScaleProof {
     /// The largest difference between two visits of one temperature, as corrected.
-    pub(crate) fn hysteresis(&self) -> Option<PpmEstimate> {
+    pub(crate) fn hysteresis(&self) -> Option<(f64, PpmEstimate)> {
         let visits = self.plateaus.iter().enumerate().flat_map(|(at, first)| {
             let again = self.plateaus[at + 1..].iter();
             let same = again.filter(|p| (p.temperature_c - first.temperature_c).abs() <= ONE_TEMPERATURE_C);
-            same.map(|second| PpmEstimate {
-                ppm: second.after.ppm - first.after.ppm,
-                sigma_ppm: second.after.sigma_ppm.hypot(first.after.sigma_ppm),
+            same.map(|second| {
+                let ppm = second.after.ppm - first.after.ppm;
+                let sigma_ppm = second.after.sigma_ppm.hypot(first.after.sigma_ppm);
+                (first.temperature_c, PpmEstimate { ppm, sigma_ppm })
             })
         });
         worst_known(visits)
+    }
+
+    /// Temperature of the plateau that is furthest from their mean, as corrected, °C.
+    pub(crate) fn furthest_c(&self) -> Option<f64> {
+        let away = |plateau: &&PlateauProof| (plateau.after.ppm - self.after.mean_ppm).abs();
+        let furthest = self.plateaus.iter().max_by(|a, b| away(a).total_cmp(&away(b)));
+        furthest.map(|plateau| plateau.temperature_c)
     }
 }
 
@@ -99,12 +107,12 @@ const POORLY_KNOWN: f64 = 2.0;
 /// Standard errors that a poorly known value is discounted by: of a hundred without any effect, one in a thousand tests shows that much.
 const DISCOUNT: f64 = 4.5;
 
-/// The largest of several values. One that is poorly known, as of few windows in a ramp, counts only as far as it stands out of its noise: the
+/// The largest of several values, with its temperature. One that is poorly known, as of few windows in a ramp, counts only as far as it stands out of its noise: the
 /// largest of many such ones says how uncertain they are, and no longer test would change that.
-pub(crate) fn worst_known(values: impl Iterator<Item = PpmEstimate>) -> Option<PpmEstimate> {
-    let all: Vec<PpmEstimate> = values.collect();
-    let least = all.iter().map(|value| value.sigma_ppm).fold(f64::INFINITY, f64::min);
-    let size = |value: &PpmEstimate| {
+pub(crate) fn worst_known(values: impl Iterator<Item = (f64, PpmEstimate)>) -> Option<(f64, PpmEstimate)> {
+    let all: Vec<(f64, PpmEstimate)> = values.collect();
+    let least = all.iter().map(|(_, value)| value.sigma_ppm).fold(f64::INFINITY, f64::min);
+    let size = |(_, value): &(f64, PpmEstimate)| {
         let discount = if value.sigma_ppm > POORLY_KNOWN * least { DISCOUNT * value.sigma_ppm } else { 0.0 };
         value.ppm.abs() - discount
     };
@@ -284,8 +292,8 @@ mod tests {
 
     #[test]
     fn a_poorly_known_value_counts_where_it_stands_out() {
-        let value = |(ppm, sigma_ppm)| PpmEstimate { ppm, sigma_ppm };
-        let worst = |all: &[(f64, f64)]| worst_known(all.iter().copied().map(value)).unwrap().ppm;
+        let value = |(ppm, sigma_ppm)| (20.0, PpmEstimate { ppm, sigma_ppm });
+        let worst = |all: &[(f64, f64)]| worst_known(all.iter().copied().map(value)).unwrap().1.ppm;
         // Soaks, and a few windows of a ramp.
         assert_eq!(worst(&[(0.3, 0.2), (-0.5, 0.3), (7.9, 3.7), (-9.0, 3.9)]), -0.5);
         assert_eq!(worst(&[(0.3, 0.2), (-0.5, 0.3), (30.0, 3.7)]), 30.0);

@@ -24,6 +24,9 @@ scale_factor_asymmetry_ppm_max = 10.0
 scale_factor_nonlinearity_ppm_max = 5.0
 scale_factor_hysteresis_ppm_max = 5.0";
 
+/// Limits of a mean over the plateaus.
+const OF_ALL_PLATEAUS: [&str; 2] = ["scale_factor_ppm_max", "scale_factor_repeatability_ppm_max"];
+
 /// From three tables, of a gyro whose S is `scale_ppm` off.
 pub(crate) fn calibrated(most_dps: f64, scale_ppm: f64) -> Calibration {
     let logs = (1..=3).map(|seed| Table { most_dps, scale_ppm, ..Table::new(seed) }.log()).collect();
@@ -59,6 +62,12 @@ fn meets(unit: &Calibration, limits: &Limits, name: &str, make: impl Fn(u64) -> 
     fraction(60, |seed| {
         let axis = judged(unit, make(7000 + seed), limits);
         let limit = axis.limits.iter().find(|limit| limit.name == name).unwrap();
+        // A limit of single plateaus that fails names one of them.
+        let named = limit.plateau_c.is_some_and(|at_c| {
+            let plateaus = &axis.scale_factor.as_ref().unwrap().plateaus;
+            plateaus.iter().any(|plateau| plateau.temperature_c == at_c)
+        });
+        assert_eq!(named, limit.pass == Some(false) && !OF_ALL_PLATEAUS.contains(&name), "{limit:?}");
         limit.pass.unwrap()
     })
 }
