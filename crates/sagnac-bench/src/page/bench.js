@@ -27,12 +27,14 @@
     if (seconds < 7200) return Math.round(seconds / 60) + " min";
     return (seconds / 3600).toFixed(1) + " h";
   };
-  const put = (id, text) => { const e = at(id); if (e.textContent !== text) e.textContent = text; };
-  const cell = (text, name) => { const td = document.createElement("td"); td.textContent = text; if (name) td.className = name; return td; };
+  // Backticks are for a console.
+  const plain = (text) => text.replaceAll("`", "");
+  const put = (id, words) => { const e = at(id), text = plain(words); if (e.textContent !== text) e.textContent = text; };
+  const cell = (text, name) => { const td = document.createElement("td"); td.textContent = plain(text); if (name) td.className = name; return td; };
   // On a phone a row is a list: each value has its name.
   const named = (name, text, kind) => { const td = cell(text, kind); td.dataset.name = name; return td; };
   const row = (...cells) => { const tr = document.createElement("tr"); tr.append(...cells); return tr; };
-  const item = (text, name) => { const li = document.createElement("li"); li.textContent = text; if (name) li.className = name; return li; };
+  const item = (text, name) => { const li = document.createElement("li"); li.textContent = plain(text); if (name) li.className = name; return li; };
 
   // Figures ---------------------------------------------------------------------------------------------------------------
   // A bound lies over the plot as a line with its value.
@@ -172,10 +174,12 @@
     const time = new Date(ms), day = time.toDateString() === new Date().toDateString() ? "" : time.toLocaleDateString("en-GB", { weekday: "short" }) + " ";
     return day + time.toLocaleTimeString("en-GB", { hour: "2-digit", minute: "2-digit" });
   };
-  // The verdict, its reason, its colour.
+  const badSources = () => (state.ended ? [] : state.sources.filter((s) => s.state === "silent" || s.state === "lost"));
+  const holding = () => state.warnings.filter((w) => w.until_s === null).length + badSources().length;
+  // The verdict, its reason, its colour. It is not green while a warning holds.
   const verdict = () => {
     const study = state.study, enough = study.enough, met = enough && enough.met;
-    if (state.ended) return [enough ? `Ended: test ${met ? "" : "not "}complete` : "Recording ended", "", met ? "pass" : ""];
+    if (state.ended) return [enough ? `Ended: test ${met ? "" : "not "}complete` : "Recording ended", "", met && !holding() ? "pass" : ""];
     if (lost) return ["No connection to the bench", `These values are of ${clock(heard)}. ${lost}`, "fail"];
     if (state.failed) return ["Rows are unreadable", state.failed, "fail"];
     if (!state.names.axes.length) return ["No rows yet", state.events.length ? `The newest event is “${state.events[state.events.length - 1].what}”.` : "", ""];
@@ -184,6 +188,7 @@
     if (!enough) return ["No verdict: no limits", "Restart with --limits and --resume: then this page says when the test is complete.", ""];
     const probability = Math.min(...enough.axes.map((a) => a.probability));
     const sure = isFinite(probability) ? `Probability that all limits are met, if the model is right: ${probability.toFixed(2)}.` : "";
+    if (met && holding()) return ["Test complete, with a warning", `${sure} Look at the warning before you end the test.`, ""];
     if (met) return ["Test complete", sure, "pass"];
     const next = enough.axes.map((a) => a.next).find((n) => n), left = toGo();
     const to = (n) => (Math.abs(n.from_c - n.to_c) < 0.5 ? `soak at ${degrees(n.to_c)} °C` : `ramp from ${degrees(n.from_c)} to ${degrees(n.to_c)} °C`);
@@ -224,16 +229,15 @@
   const warning = (words, more, holds) => {
     const li = item("", holds ? "" : "over"), fault = document.createElement("p");
     const [, what, why] = words.match(/^((?:axis .: )?[^]*?)(?:: ([^]*))?$/);
-    fault.textContent = what;
+    fault.textContent = plain(what);
     fault.className = holds ? "far" : "";
     const sentence = (text) => text[0].toUpperCase() + text.slice(1) + ".";
-    li.append(fault, [why, more].filter((text) => text).map(sentence).join(" "));
+    li.append(fault, [why, more].filter((text) => text).map(sentence).map(plain).join(" "));
     return li;
   };
   const drawWarnings = () => {
-    const bad = state.ended ? [] : state.sources.filter((s) => s.state === "silent" || s.state === "lost");
-    const holding = state.warnings.filter((w) => w.until_s === null).length + bad.length;
-    document.title = (holding ? `(${holding}) ` : "") + (state.title || "Sagnac bench");
+    const bad = badSources(), holds = holding();
+    document.title = (holds ? `(${holds}) ` : "") + (state.title || "Sagnac bench");
     const all = bad.map((s) => [`${s.name} is ${s.state}`, s.why || "check its power and its cable", true]).concat(state.warnings.slice(0, 20).map((w) =>
       [w.words, `since ${long(w.since_s)} of the test` + (w.until_s === null ? "" : `, over at ${long(w.until_s)}`), w.until_s === null]));
     at("warnings").replaceChildren(...all.map((one) => warning(...one)));
@@ -292,7 +296,7 @@
       drawMoment();
     });
     source.addEventListener("study", (e) => { if (state) { Object.assign(state, JSON.parse(e.data)); drawVerdict(); drawFit(); drawAllan(); } });
-    source.addEventListener("events", (e) => { if (state) { Object.assign(state, JSON.parse(e.data)); drawEvents(); drawWarnings(); } });
+    source.addEventListener("events", (e) => { if (state) { Object.assign(state, JSON.parse(e.data)); drawEvents(); drawVerdict(); drawWarnings(); } });
     source.addEventListener("lost", () => load());
   };
   setInterval(() => {

@@ -186,7 +186,7 @@ const LOOK: &str = r#"
     for (const e of all('#verdict, #warnings li, #open, figcaption')) check(!e.textContent.includes(';'), 'semicolon: ' + e.textContent);
     const end = at('end').textContent + ', ' + at('end-in').textContent, verdict = at('verdict-word').textContent;
     const ends = [
-        [/to go$/, /^(\w+ )?\d\d:\d\d, in [\d.]+ (s|min|h)$/], [/^Test complete$/, /^now, the test is complete$/],
+        [/to go$/, /^(\w+ )?\d\d:\d\d, in [\d.]+ (s|min|h)$/], [/^Test complete(, with a warning)?$/, /^now, the test is complete$/],
         [/^Ended/, /^\d\d:\d\d, ended$/], [/^No connection/, /^unknown, no connection$/], [/./, /^unknown, $/],
     ].find(([says]) => says.test(verdict))[1];
     check(ends.test(end), 'the end is ' + end);
@@ -290,6 +290,12 @@ fn the_page_is_drawn_and_comes_back() {
     page.until("the event", "return document.getElementById('events').textContent.includes('the recording goes on')");
     page.goto(&opened).unwrap();
     page.shows("#verdict-word", "Test complete");
+    // The file no longer grows: a warning, so nothing is green.
+    page.until(
+        "the warning",
+        "return document.getElementById('verdict-word').textContent === 'Test complete, with a warning'",
+    );
+    page.until("no green", "return document.querySelector('.verdict.pass') === null");
     // The button asks before it ends the recording, and the page has the last word of the bench.
     page.run("setTimeout(() => document.getElementById('stop').click())");
     let begun = Instant::now();
@@ -297,4 +303,5 @@ fn the_page_is_drawn_and_comes_back() {
         assert!(begun.elapsed() < PATIENCE);
     }
     page.shows("#verdict-word", "Ended: test complete");
+    page.until("the green", "return document.querySelector('.verdict.pass') !== null");
 }
