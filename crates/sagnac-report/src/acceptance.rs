@@ -5,6 +5,7 @@ use sagnac_log::setup::RateUnit;
 
 use crate::figure::{Figure, Layer, Role, SOLID, rounded};
 use crate::figures::figure;
+use crate::prose::prose;
 use crate::sheet::Sheet;
 use sagnac::calibration::{Calibration, LogUnit};
 use sagnac::verify::{
@@ -226,7 +227,7 @@ pub(crate) fn remarks(verification: &Verification, units: RateUnit) -> Markup {
                 @if let Some(remark) = limit.remark() {
                     p.note.why {
                         @if several { "Axis " (axis.axis) ": " }
-                        (limit_words(&limit.name).0) ": " (limit.word()) ", " (remark) "."
+                        (limit_words(&limit.name).0) ": " (limit.word()) ", " (prose(&remark)) "."
                     }
                 }
             }
@@ -334,7 +335,7 @@ pub(crate) fn flight(axis: &AxisVerification) -> Markup {
                 @if let Some(noise) = flown.noise_m { tr { td { "angle random walk alone, σ" } td { (significant(noise, 3)) } } }
             } }
         }
-        @if let Some(why) = &axis.flight_unavailable { p.note { "The stated flight is not available: " (why) "." } }
+        @if let Some(why) = &axis.flight_unavailable { p.note { "The stated flight is not available: " (prose(why)) "." } }
     }
 }
 
@@ -387,7 +388,7 @@ pub(crate) fn bias_repeatability(axis: &AxisVerification, units: RateUnit) -> Ma
             }
         }
         @if let Some(why) = &axis.bias_repeatability_unavailable {
-            p.note { "The fixed bias is not judged against the calibration: " (why) "." }
+            p.note { "The fixed bias is not judged against the calibration: " (prose(why)) "." }
         }
     }
 }

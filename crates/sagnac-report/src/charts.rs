@@ -4,6 +4,7 @@ use maud::{Markup, html};
 
 use crate::figure::{DASHES, Figure, Layer, Role, SOLID, rounded};
 use crate::page::{all_shown, page};
+use crate::prose::prose;
 use crate::report::Report;
 use sagnac_log::error::Result;
 use sagnac_log::setup::RateUnit;
@@ -178,8 +179,8 @@ const LONGEST_FIGURE: usize = 32;
 /// A cell; the first of a row may lead to an entry.
 fn cell(table: &PageTable, row: usize, column: usize, text: &str) -> Markup {
     match table.entries.get(row).and_then(Option::as_ref).filter(|_| column == 0) {
-        Some(id) => html! { a href={ "#" (id) } { (text) } },
-        None => html! { (text) },
+        Some(id) => html! { a href={ "#" (id) } { (prose(text)) } },
+        None => prose(text),
     }
 }
 
@@ -215,17 +216,17 @@ pub fn chart_report(content: &ChartPage) -> Result<Report> {
         h1 { (content.title) }
         p.sub { (content.subtitle) }
         @for (well, words) in &content.verdicts {
-            div class={ "verdict " (if *well { "pass" } else { "fail" }) } { b.word { (words) } }
+            div class={ "verdict " (if *well { "pass" } else { "fail" }) } { b.word { (prose(words)) } }
         }
-        @for note in &content.notes { p.note { (note) } }
+        @for note in &content.notes { p.note { (prose(note)) } }
         @for result in &content.results { (table(result)) }
         (all_shown(&drawn))
-        @for remark in &content.remarks { p.note { (remark) } }
+        @for remark in &content.remarks { p.note { (prose(remark)) } }
         @for data in &content.tables { (table(data)) }
         @for entry in &content.entries {
             section.entry id=(entry.id) {
                 h2 { (entry.heading) }
-                @for words in &entry.words { p.note { (words) } }
+                @for words in &entry.words { p.note { (prose(words)) } }
                 @for data in &entry.tables { (table(data)) }
             }
         }

@@ -18,6 +18,7 @@ mod figures;
 mod fleet;
 mod noise;
 mod page;
+mod prose;
 mod report;
 mod sheet;
 mod survey;

@@ -5,6 +5,7 @@ use sagnac_log::setup::RateUnit;
 
 use crate::figure::{Dash, Figure};
 use crate::figures::Wording;
+use crate::prose::prose;
 use crate::report::Report;
 use crate::sheet::Sheet;
 use crate::{acceptance, figures, svg, terms};
@@ -368,7 +369,7 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool, 
 /// A note of a fit as a sentence.
 fn said(note: &Note) -> Markup {
     let word = if note.level == NoteLevel::Warning { "Warning: " } else { "Note: " };
-    html! { p.note { (word) (note.text) "." } }
+    html! { p.note { (word) (prose(&note.text)) "." } }
 }
 
 fn proof_verdict(axis: &AxisVerification, verification: &Verification, units: RateUnit) -> Markup {
