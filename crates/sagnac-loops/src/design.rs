@@ -95,7 +95,7 @@ impl fmt::Display for DesignError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::OutOfRange { name, value, least, most } => {
-                write!(f, "{name} is {}; it can be {} to {}", Short(*value), Short(*least), Short(*most))
+                write!(f, "{name} is {}: give {} to {}", Short(*value), Short(*least), Short(*most))
             }
             Self::Margin { wanted_deg, possible_deg } => write!(
                 f,

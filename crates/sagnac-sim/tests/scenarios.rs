@@ -26,7 +26,7 @@ fn little_is_needed() {
 
 /// Replaced text of the least scenario, its replacement, and words of the refusal.
 const BAD: &[(&str, &str, &str)] = &[
-    ("perimeter_m = 0.28", "perimeter_m = -0.28", "`geometry.perimeter_m` is -0.28; it can be 0.02 to 20 m"),
+    ("perimeter_m = 0.28", "perimeter_m = -0.28", "`geometry.perimeter_m` is -0.28: give 0.02 to 20 m"),
     ("perimeter_m = 0.28", "", "`geometry.perimeter_m` must be given"),
     ("perimeter_m = 0.28", "perimeter_m = nan", "`geometry.perimeter_m` must be given"),
     ("perimeter_m = 0.28", "perimeter_m = 0.28\nlength_m = 1.0", "unknown field `length_m`"),
@@ -39,7 +39,7 @@ const BAD: &[(&str, &str, &str)] = &[
     ("{ soak_s = 100 }", "{ soak_h = 1 }", "a leg is { soak_s = … } or { to_c = …, rate_cpm = … }"),
     ("{ soak_s = 100 }", "{ to_c = 900, rate_cpm = 1 }", "ramps to 900 °C"),
     ("{ soak_s = 100 }", "{ to_c = 70, rate_cpm = 0 }", "at 0 °C/min"),
-    ("[geometry]", "[run]\ninterval_s = 0.3\n[geometry]", "`run.interval_s` is 0.3; it can be whole seconds"),
+    ("[geometry]", "[run]\ninterval_s = 0.3\n[geometry]", "`run.interval_s` is 0.3: give whole seconds"),
     ("[geometry]", "[run]\ninterval_s = 500.0\n[geometry]", "`run.interval_s` is 500 s, longer than the test (100 s)"),
     (
         "[geometry]",
@@ -61,14 +61,14 @@ const BAD: &[(&str, &str, &str)] = &[
         "`dither.amplitude_arcsec` is 0.4",
     ),
     ("[[thermometer]]", "[[thermometer]]\nlsb_c = 1e-310", "`thermometer[0].lsb_c`"),
-    ("[chamber]", "[chamber]\ncycles = 1.5", "`chamber.cycles` is 1.5; it is a whole number"),
+    ("[chamber]", "[chamber]\ncycles = 1.5", "`chamber.cycles` is 1.5: give a whole number"),
     (
         "leg = [{ soak_s = 100 }]",
         "cycles = 10000\nleg = [{ soak_s = 1e6 }]",
         "`chamber.cycles` make a test of 10000000000 s",
     ),
     ("[geometry]", "name = \"a\\u001b[31m\"\n[geometry]", "`name` holds control characters"),
-    ("[geometry]", "[[fault]]\nat_s = 5\nfor_s = 5\nsensor = 3\n[geometry]", "`fault[0].sensor` is 3; there are 1"),
+    ("[geometry]", "[[fault]]\nat_s = 5\nfor_s = 5\nsensor = 3\n[geometry]", "`fault[0].sensor` is 3: there are 1"),
     (
         "[geometry]",
         "[[fault]]\nat_s = 500\nfor_s = 5\n[geometry]",
@@ -102,7 +102,7 @@ fn names_and_files_are_parsed() {
     }
     let unknown = "meteor".parse::<FaultKind>().unwrap_err();
     assert_eq!(unknown.key, "fault.kind");
-    assert!(unknown.message.starts_with("is `meteor`; it can be stuck_thermometer, "), "{unknown}");
+    assert!(unknown.message.starts_with("is `meteor`: give one of stuck_thermometer, "), "{unknown}");
     assert_eq!(LEAST.parse::<Scenario>(), Scenario::from_toml(LEAST));
     let missing = Scenario::from_file("no/such/gyro.toml").unwrap_err().to_string();
     assert!(missing.starts_with("cannot read no/such/gyro.toml: "), "{missing}");

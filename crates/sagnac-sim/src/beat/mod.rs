@@ -129,7 +129,7 @@ impl Beat {
             return Ok(());
         }
         let message = format!(
-            "is {}: the intensities settle so fast that a tick needs {steps:.0} steps; the limit is {MOST_STEPS_PER_TICK}. Give less loss or gain_ratio, or run.beat_model = \"adler\"",
+            "is {}: the intensities settle so fast that a tick needs {steps:.0} steps, and {MOST_STEPS_PER_TICK} is the limit. Give less loss or gain_ratio, or run.beat_model = \"adler\"",
             scenario.cavity.loss_ppm
         );
         Err(ScenarioError::new("cavity.loss_ppm", message))
@@ -263,7 +263,7 @@ fn check_fringes(scenario: &Scenario) -> Result<(), ScenarioError> {
         return Ok(());
     }
     let message = format!(
-        "beat: up to {fringes:.0} fringes in a tick of 100 µs, {MOST_FRINGES_PER_TICK} can be followed; lower the rates or the dither"
+        "beat: up to {fringes:.0} fringes in a tick of 100 µs, {MOST_FRINGES_PER_TICK} can be followed. Lower the rates or the dither"
     );
     Err(ScenarioError::new("run.fidelity", message))
 }

@@ -39,7 +39,7 @@ fn path_config(scenario: &Scenario, plant: &Plant) -> Result<PathLengthConfig, S
     }
     if path.falling_lag_s < path.rising_lag_s {
         let message = format!(
-            "is {} s, less than rising_lag_s; an actuator that falls faster than it rises is not modelled",
+            "is {} s, less than rising_lag_s: give as much or more, since this actuator cannot fall faster than it rises",
             path.falling_lag_s
         );
         return Err(ScenarioError::new("path_length.falling_lag_s", message));

@@ -112,7 +112,7 @@ impl LoopDesign {
         let length_s = 700.0 / bandwidth_hz + 4.0 * self.plant.lag_s[1] * f64::from(POINTS + 8);
         if length_s > LONGEST_S {
             let message = format!(
-                "is {bandwidth_hz}: a sweep would take {length_s:.0} s of the loop; the limit is {LONGEST_S} s"
+                "is {bandwidth_hz}: a sweep would take {length_s:.0} s of the loop, and {LONGEST_S} s is the limit"
             );
             return Err(ScenarioError::new(&format!("{}.bandwidth_hz", which.table()), message));
         }

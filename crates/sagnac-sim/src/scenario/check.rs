@@ -26,7 +26,7 @@ fn check_ranges<S: Section>(section: &S, path: &str) -> Result<(), ScenarioError
         }
         if !(lo..=hi).contains(&value) {
             let unit = if key.unit.is_empty() { String::new() } else { format!(" {}", key.unit) };
-            return Err(ScenarioError::new(&name, format!("is {value}; it can be {lo} to {hi}{unit}")));
+            return Err(ScenarioError::new(&name, format!("is {value}: give {lo} to {hi}{unit}")));
         }
     }
     Ok(())
@@ -39,7 +39,7 @@ fn check_list<S: Section>(list: &[S], path: &str) -> Result<(), ScenarioError> {
 
 fn check_whole(key: &str, value: f64) -> Result<(), ScenarioError> {
     let fits = value == libm::floor(value);
-    if fits { Ok(()) } else { Err(ScenarioError::new(key, format!("is {value}; it is a whole number"))) }
+    if fits { Ok(()) } else { Err(ScenarioError::new(key, format!("is {value}: give a whole number"))) }
 }
 
 /// A leg of the chamber that a chamber can make.
@@ -47,14 +47,14 @@ fn chamber_leg(index: usize, leg: &ChamberLeg) -> Result<Leg, ScenarioError> {
     let refused = |message: String| Err(ScenarioError::new(&format!("chamber.leg[{index}]"), message));
     match *leg {
         ChamberLeg::Soak { soak_s } if (1.0..=LONGEST_S).contains(&soak_s) => Ok(Leg::Soak(soak_s)),
-        ChamberLeg::Soak { soak_s } => refused(format!("soaks for {soak_s} s; it can be 1 s to 10 years")),
+        ChamberLeg::Soak { soak_s } => refused(format!("soaks for {soak_s} s: give 1 s to 10 years")),
         ChamberLeg::Ramp { to_c, rate_cpm }
             if (-100.0..=150.0).contains(&to_c) && (0.001..=50.0).contains(&rate_cpm) =>
         {
             Ok(Leg::Ramp(to_c, rate_cpm))
         }
         ChamberLeg::Ramp { to_c, rate_cpm } => {
-            refused(format!("ramps to {to_c} °C at {rate_cpm} °C/min; it can be −100 to 150 °C at 0.001 to 50 °C/min"))
+            refused(format!("ramps to {to_c} °C at {rate_cpm} °C/min: give −100 to 150 °C at 0.001 to 50 °C/min"))
         }
     }
 }
@@ -122,7 +122,7 @@ impl Scenario {
     fn check_text(&self) -> Result<(), ScenarioError> {
         for (key, text) in [("name", &self.name), ("description", &self.description)] {
             if text.chars().any(char::is_control) {
-                return Err(ScenarioError::new(key, "holds control characters; give one line of plain text"));
+                return Err(ScenarioError::new(key, "holds control characters: give one line of plain text"));
             }
         }
         Ok(())
@@ -139,7 +139,7 @@ impl Scenario {
             check_whole(&format!("fault[{index}].sensor"), fault.sensor)?;
         }
         if self.electronics.counter_bits == 1.0 {
-            let message = "is 1: such a counter can hold no count; give 2 or more, or 0 for unlimited";
+            let message = "is 1: such a counter can hold no count. Give 2 or more, or 0 for unlimited";
             return Err(ScenarioError::new("electronics.counter_bits", message));
         }
         Ok(())
@@ -153,7 +153,7 @@ impl Scenario {
         if fits {
             return Ok(());
         }
-        let message = format!("is {interval}; it can be whole seconds, or 1/n of a second in whole ticks of 100 µs");
+        let message = format!("is {interval}: give whole seconds, or 1/n of a second in whole ticks of 100 µs");
         Err(ScenarioError::new("run.interval_s", message))
     }
 
@@ -162,20 +162,20 @@ impl Scenario {
             return Err(ScenarioError::new("thermometer", "is missing: a thermal test has at least one"));
         }
         if self.thermometer.len() > MOST_THERMOMETERS {
-            let message = format!("is given {} times; a log has at most {MOST_THERMOMETERS}", self.thermometer.len());
+            let message = format!("is given {} times: give {MOST_THERMOMETERS} at most", self.thermometer.len());
             return Err(ScenarioError::new("thermometer", message));
         }
         for (index, one) in self.thermometer.iter().enumerate() {
             if one.lsb_c != 0.0 && one.lsb_c < 1e-6 {
-                let message = format!("is {:e}; it can be 1e-6 °C or more, or 0 for unlimited", one.lsb_c);
+                let message = format!("is {:e}: give 1e-6 °C or more, or 0 for unlimited", one.lsb_c);
                 return Err(ScenarioError::new(&format!("thermometer[{index}].lsb_c"), message));
             }
             let refused = |message| Err(ScenarioError::new(&format!("thermometer[{index}].name"), message));
             if !one.name.bytes().all(|b| b.is_ascii_lowercase() || b.is_ascii_digit() || b == b'_') {
-                return refused(format!("is `{}`; small letters, digits and _ make a header", one.name));
+                return refused(format!("is `{}`: use small letters, digits and _", one.name));
             }
             if self.thermometer[..index].iter().any(|other| other.name == one.name) {
-                return refused(format!("is `{}` again; give each thermometer a name of its own", one.name));
+                return refused(format!("is `{}` again: give each thermometer a name of its own", one.name));
             }
         }
         Ok(())
@@ -186,7 +186,7 @@ impl Scenario {
             let fits = leg.rate_dps.abs() <= 2000.0 && leg.for_s >= 1.0 && leg.for_s <= LONGEST_S;
             if !fits {
                 let message =
-                    format!("is {} °/s for {} s; it can be −2000 to 2000 °/s for 1 s or more", leg.rate_dps, leg.for_s);
+                    format!("is {} °/s for {} s: give −2000 to 2000 °/s for 1 s or more", leg.rate_dps, leg.for_s);
                 return Err(ScenarioError::new(&format!("input.table[{index}]"), message));
             }
         }
@@ -202,14 +202,14 @@ impl Scenario {
                 return refused("at_s", format!("is {} s, and the test ends at {length_s} s", fault.at_s));
             }
             if fault.for_s < 1.0 {
-                return refused("for_s", format!("is {} s; a fault lasts 1 s or more", fault.for_s));
+                return refused("for_s", format!("is {} s: give 1 s or more", fault.for_s));
             }
             if fault.sensor as usize >= self.thermometer.len() {
                 let have = self.thermometer.len();
-                return refused("sensor", format!("is {}; there are {have}, counted from 0", fault.sensor));
+                return refused("sensor", format!("is {}: there are {have}, counted from 0", fault.sensor));
             }
             if fault.kind == FaultKind::DroppedSamples && fault.size > 1.0 {
-                return refused("size", format!("is {}; it is the fraction of dropped rows, up to 1", fault.size));
+                return refused("size", format!("is {}: give the fraction of dropped rows, up to 1", fault.size));
             }
             if fault.kind == FaultKind::ModeResetStorm && self.run.loops == LoopModel::Running {
                 return refused("kind", "is mode_reset_storm, which needs run.loops = \"ideal\"".to_owned());
@@ -226,7 +226,7 @@ impl Scenario {
             return Ok(());
         }
         let message = format!(
-            "is {}: with this perimeter the next longitudinal mode has {next:.2} times the gain it needs and lases too; this simulator has one mode. Give a lower gain or a shorter path",
+            "is {}: with this perimeter the next longitudinal mode has {next:.2} times the gain it needs and lases too, and this simulator has one mode. Give a lower gain or a shorter path",
             self.cavity.gain_ratio
         );
         Err(ScenarioError::new("cavity.gain_ratio", message))
@@ -239,14 +239,12 @@ impl Scenario {
             return Ok(());
         }
         if d.frequency_hz < 20.0 {
-            let message = format!("is {}; it can be 20 Hz or more, or 0 for no dither", d.frequency_hz);
+            let message = format!("is {}: give 20 Hz or more, or 0 for no dither", d.frequency_hz);
             return Err(ScenarioError::new("dither.frequency_hz", message));
         }
         let fringes = d.amplitude_arcsec / self.arcsec_per_fringe();
         if fringes < 2.0 {
-            let message = format!(
-                "is {fringes:.3} fringes; it can be 2 or more, or 0 for no dither: less does not overcome lock-in"
-            );
+            let message = format!("is {fringes:.3} fringes: give 2 or more to overcome lock-in, or 0 for no dither");
             return Err(ScenarioError::new("dither.amplitude_arcsec", message));
         }
         if d.noise < 0.01 && self.run.fidelity == Fidelity::Count {
@@ -274,7 +272,7 @@ impl Scenario {
         let profile = Profile::new(self.chamber.start_c, &legs, self.chamber.cycles as u32);
         let length_s = profile.length_s();
         if length_s > LONGEST_S {
-            let message = format!("make a test of {length_s} s; it can be 10 years");
+            let message = format!("make a test of {length_s} s: give 10 years at most");
             return Err(ScenarioError::new("chamber.cycles", message));
         }
         if length_s < self.run.interval_s {

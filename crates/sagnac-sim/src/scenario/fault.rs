@@ -73,7 +73,7 @@ impl FromStr for FaultKind {
         let known = Self::ALL.iter().find(|(_, known)| *known == name).map(|(kind, _)| *kind);
         known.ok_or_else(|| {
             let names = Self::ALL.map(|(_, name)| name).join(", ");
-            ScenarioError::new("fault.kind", format!("is `{name}`; it can be {names}"))
+            ScenarioError::new("fault.kind", format!("is `{name}`: give one of {names}"))
         })
     }
 }
