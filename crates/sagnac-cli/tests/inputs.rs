@@ -40,7 +40,9 @@ fn inputs_go_from_the_log_to_the_image_and_back() {
     assert!(model.contains("cavity - block") && (model.contains("path_length_v") || model.contains("mode")), "{model}");
     let page = fs::read_to_string(at.join("unit.html")).unwrap();
     assert!(
-        page.contains("Other inputs") && page.contains("its terms, °/h rms") && page.contains("Condition of the terms")
+        page.contains("Other inputs")
+            && page.contains("its terms, °/h rms")
+            && page.contains("Collinearity of the terms")
     );
 
     // By the record, and by the image alone with the names of what it reads.

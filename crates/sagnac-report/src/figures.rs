@@ -186,8 +186,8 @@ pub(crate) fn tradeoff(record: &AxisCalibration) -> Option<Figure> {
     }
     let knee = best.iter().find(|point| point.knee)?;
     let caption = format!(
-        "Each point is a model, evaluated on data that its fit did not see. The line joins those with the least error for their cost; the knee, {}, is the \
-         cheapest on which no larger one is justified. The slow update runs once in a temperature period; the tick takes {} instructions \
+        "Each point is a model, evaluated on unseen data. The line joins those with the least error for their cost. The knee, {}, is the \
+         cheapest that larger models hardly improve. The slow update runs once in a temperature period. The tick takes {} instructions \
          for every model.",
         knee.candidate.model, TICK_INSTRUCTIONS
     );

@@ -144,7 +144,7 @@ fn inputs_and_conditioning(axis: &AxisCalibration, units: RateUnit) -> Markup {
         }
         @if let Some(near) = axis.fit.as_ref().and_then(|fit| fit.collinearity.as_ref()) {
             p.note {
-                "Condition of the terms " (significant(near.condition, 3)) ", at most " (significant(near.limit, 3))
+                "Collinearity of the terms " (significant(near.condition, 3)) ", at most " (significant(near.limit, 3))
                 "; VIF, the variance inflation factor, is by how much the other terms multiply the variance of a coefficient."
             }
         }
@@ -191,7 +191,7 @@ pub(crate) fn candidates(all: &[Candidate], units: RateUnit) -> Markup {
             h3 { "Candidates" }
             p.note {
                 (all.len()) " models were tried on data that each fit did not see. The smallest σ on unseen data is that of " code { (least) }
-                "; the smallest model is selected for which no larger one is justified."
+                ". The smallest model is selected that larger ones hardly improve."
             }
             div.scroll { table {
                 thead { tr { th.model { "model" } th { "coefficients" } th { "σ on unseen data, " (units.name()) } th.words { "" } } }

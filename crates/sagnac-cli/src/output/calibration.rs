@@ -63,12 +63,12 @@ pub(crate) fn describe(console: &mut Console, axis: &AxisCalibration, units: Rat
     }
     if let Some(soak) = fit.soak.as_ref().filter(|soak| !soak.improves()) {
         console.say(format!(
-            "  an hour more of soak improves the curve by less than 3 % at any temperature: σ of the curve {} (root mean square over the span)",
+            "  one more hour of soak improves the curve by less than 3 % at any temperature: σ of the curve {} (root mean square over the span)",
             units.text(soak.mean_sigma_dph, 3)
         ));
     } else if let Some(soak) = &fit.soak {
         console.say(format!(
-            "  the next hour of soak improves the curve most at {:.0} °C: σ of the curve {} → {} (root mean square over the span)",
+            "  to improve the curve, soak one more hour at {:.0} °C: σ of the curve {} → {} (root mean square over the span)",
             soak.best_c,
             units.number(soak.mean_sigma_dph, 3),
             units.text(soak.mean_sigma_after_dph, 3)
@@ -138,9 +138,9 @@ fn conditioning(console: &mut Console, axis: &AxisCalibration, units: RateUnit) 
         ));
     }
     let fit = axis.fit.as_ref();
-    let near = fit.and_then(|fit| fit.collinearity.as_ref()).map(|near| {
-        format!("condition of the terms {} (at most {})", significant(near.condition, 3), significant(near.limit, 3))
-    });
+    let near = fit
+        .and_then(|fit| fit.collinearity.as_ref())
+        .map(|near| format!("collinearity {} (limit {})", significant(near.condition, 3), significant(near.limit, 3)));
     let noise = fit.and_then(|fit| fit.correction_noise.as_ref()).map(|noise| {
         let part = |part: f64| format!("{} %", significant(100.0 * part, 2));
         let raw = noise.increase.map_or("the raw one is not known".to_owned(), |more| {
@@ -215,7 +215,8 @@ fn coefficients(axis: &AxisCalibration, units: RateUnit) -> String {
         vec![axis.name_of(term), value, unit, mark.to_owned()]
     });
     let others = axis.nonlinear().into_iter().map(|parameter| {
-        let mark = if parameter.sigma.is_none() { "not resolved: smallest within two of its σ" } else { "" };
+        let mark =
+            if parameter.sigma.is_none() { "not determined by this data: any smaller value fits as well" } else { "" };
         let [value, unit] = shown(parameter.value, parameter.sigma, &parameter.unit);
         vec![parameter.name, value, unit, mark.to_owned()]
     });
@@ -262,7 +263,7 @@ fn candidates(all: &[Candidate], units: RateUnit) -> String {
     ranked.sort_by(|a, b| a.held_out_dph.unwrap_or(f64::INFINITY).total_cmp(&b.held_out_dph.unwrap_or(f64::INFINITY)));
     let shown = ranked.iter().enumerate().filter(|(i, c)| *i < SHOWN_CANDIDATES || c.chosen).map(|(_, c)| {
         let held_out = c.held_out_dph.map_or("not fitted".to_owned(), |h| units.number(h, 4));
-        let mark = if c.chosen { "selected: no larger one is justified" } else { "" };
+        let mark = if c.chosen { "selected: larger models gain too little" } else { "" };
         vec![c.model.clone(), c.coefficients.to_string(), held_out, mark.to_owned()]
     });
     let shown: Vec<Vec<String>> = shown.collect();

@@ -302,7 +302,7 @@ mod tests {
 
     #[test]
     fn a_file_gets_every_line_whole() {
-        let line = "  the next hour of soak improves the curve most at 20 °C: σ of the curve 0.01 → 0.009 °/h";
+        let line = "  to improve the curve, soak one more hour at 20 °C: σ of the curve 0.01 → 0.009 °/h";
         assert_eq!(wrapped(line, None), line);
         let narrow = wrapped(line, Some(40));
         assert!(narrow.lines().count() == 3 && narrow.lines().all(|l| display_width(l) <= 40));

@@ -57,7 +57,7 @@ impl Verdict {
     /// The margin for people: in per cent, or how often the bound is exceeded.
     pub fn margin_text(&self) -> String {
         match self.margin {
-            Some(margin) if margin < -9.0 => format!("{} times the bound", significant(1.0 - margin, 2)),
+            Some(margin) if margin < -9.0 => format!("exceeds limit {}×", significant(1.0 - margin, 2)),
             Some(margin) => format!("{} %", significant(100.0 * margin, 2)),
             None => "-".to_owned(),
         }
