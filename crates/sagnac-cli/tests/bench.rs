@@ -404,6 +404,23 @@ fn a_test_that_has_told_enough_ends_itself() {
     assert_eq!(bench.counts().len(), 14_400);
 }
 
+/// Columns of another program, of which the setup says nothing or has the headers that the log has too: its rows are known as they come.
+#[test]
+fn recognised_columns_are_shown_as_they_come() {
+    let columns = "Time (s),Temp (degC),Gyro X (deg/s),Gyro Y (deg/s)";
+    let rows = (0..600).map(|i| format!("{i},{:.2},0.{:03},-0.002\n", 20.0 + 0.01 * f64::from(i), 300 + i % 7));
+    let log = format!("{columns}\n{}", rows.collect::<String>());
+    for headers in [String::new(), format!("[bench]\nheaders = \"{columns}\"\n")] {
+        let bench = Bench::new("replay:test.csv?speed=max");
+        std::fs::write(bench.path("test.csv"), &log).unwrap();
+        std::fs::write(bench.path("bench.toml"), format!("serial = \"T\"\nunits = \"dps\"\n{headers}")).unwrap();
+        let said = text(&bench.run(&["--source", "replay:test.csv?speed=max"]).stderr);
+        let last = said.lines().rfind(|line| line.contains(" rows: ")).unwrap_or_else(|| panic!("{said}"));
+        assert!(last.contains("600 rows: x 0.30") && last.contains("y -0.002"), "{said}");
+        assert!(!said.contains("no rows yet"), "{said}");
+    }
+}
+
 /// On a terminal the figures are drawn in text; `q` ends the recording, and the terminal is as before.
 #[test]
 #[cfg(target_os = "linux")]

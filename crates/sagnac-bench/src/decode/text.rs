@@ -154,8 +154,13 @@ impl Text {
     fn is_header(&mut self, line: &[u8], is_first: bool, at_ns: i64, rows: &mut Rows) -> bool {
         // Looking at each row for the words of headers would cost more than reading it.
         let may_be = self.header.is_none() || is_first || line.iter().any(u8::is_ascii_alphabetic);
-        if !may_be || self.is_given {
+        if !may_be {
             return false;
+        }
+        if self.is_given {
+            // A source may send them too.
+            let sent = LiveHeader::of_line(line, &rows.polled_names(), &self.setup);
+            return sent.is_ok_and(|sent| sent == self.header);
         }
         let Some(known) = &self.header else {
             return self.begins(line, rows).unwrap_or_else(|refused| {

@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use arrow_array::{Array, RecordBatch, StringArray};
 use sagnac_log::Result;
 use sagnac_log::ingest::header::Layout;
+use sagnac_log::ingest::names;
 use sagnac_log::ingest::{column_numbers, column_times};
 use sagnac_log::setup::{Counter, Setup};
 use sagnac_units::{NS_PER_S, s_from_ns};
@@ -65,7 +66,11 @@ impl Columns {
     pub(crate) fn new(batch: &RecordBatch, setup: &Setup) -> Result<Self> {
         let schema = batch.schema();
         let headers: Vec<String> = schema.fields().iter().map(|field| field.name().clone()).collect();
-        let layout = Layout::new(headers.clone(), &setup.columns, setup.axis)?;
+        // As the reader of a log does: columns of other names that state what they are.
+        let recognised = names::recognised(&headers, &[], &[], &setup.columns);
+        let recognised = headers.iter().cloned().zip(recognised).filter_map(|(own, known)| Some((own, known?)));
+        let names = setup.columns.clone().into_iter().chain(recognised).collect();
+        let layout = Layout::new(headers.clone(), &names, setup.axis)?;
         let polled: Vec<&str> =
             setup.bench.polls.iter().flat_map(|poll| poll.columns.iter().map(|column| column.name.as_str())).collect();
         let read = layout.columns_read();
