@@ -60,7 +60,7 @@ impl Unit {
         let Output { stdout, stderr, .. } = self.run(args);
         let text = String::from_utf8([stdout, stderr].concat()).unwrap();
         assert!(text.lines().count() <= 15, "{args}: {} lines\n{text}", text.lines().count());
-        let widest = text.lines().map(|line| line.chars().count()).max().unwrap();
+        let widest = text.lines().map(|line| line.chars().count()).max().unwrap_or(0);
         assert!(widest <= 100, "{args}: {widest} columns\n{text}");
         text
     }
@@ -139,6 +139,21 @@ fn rates_are_shown_in_the_unit_that_is_asked() {
     // The record has the setup, and with it the unit of what is made of it.
     assert!(it.short("evaluate unit.cal.json --at 0,20").contains("drift, °/s"));
     assert_eq!(it.run(&format!("{calibrate} --units furlong")).status.code(), Some(2));
+}
+
+/// Columns with names of their own: said of the first log, not with `-q`.
+#[test]
+fn the_columns_of_two_logs_are_named_once() {
+    let it = Unit::new();
+    for name in ["run1.csv", "run2.csv"] {
+        let text = fs::read_to_string(it.0.path().join(name)).unwrap();
+        let text = text.replacen("time_s,temperature_c,rate_dps_x", "Time (s),Temp (degC),Gyro X (deg/s)", 1);
+        fs::write(it.0.path().join(name), text).unwrap();
+    }
+    let calibrate = "calibrate run1.csv run2.csv --serial IMU-0042 --window 50 -o unit.cal.json";
+    let said = it.short(calibrate);
+    assert_eq!(said.matches("read as").count(), 1, "{said}");
+    assert!(it.short(&format!("-q {calibrate}")).is_empty());
 }
 
 #[test]

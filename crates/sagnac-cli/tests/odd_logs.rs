@@ -95,7 +95,7 @@ fn every_form_of_a_log_gives_the_figures_of_the_plain_one() {
         (
             "brackets.csv",
             windows_1252(&format!("Time [s],Temperature (°C),Counts\n{commas}")),
-            "read as Windows-1252; read as: Time [s] as time_s, Temperature (°C) as temperature_c",
+            "read as Windows-1252. read as: Time [s] as time_s, Temperature (°C) as temperature_c",
         ),
         ("points.csv", format!("{head}{}", grouped('.')).into_bytes(), ""),
         ("spaces.csv", format!("{head}{}", grouped('\u{a0}')).into_bytes(), ""),
@@ -121,7 +121,8 @@ fn every_form_of_a_log_gives_the_figures_of_the_plain_one() {
     for (name, bytes, assumed) in forms {
         fs::write(at.join(name), bytes).unwrap();
         let (found, said) = survey(at, name);
-        assert!(said.contains(assumed), "{name}: {said}");
+        let unwrapped = said.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(unwrapped.contains(assumed), "{name}: {said}");
         // A row that ends some microseconds late begins another window.
         let windows: &[&str] = if name == "excel.csv" { &[] } else { &["windows", "windows_used"] };
         for key in ["kind", "quantity", "rows"].iter().chain(windows) {

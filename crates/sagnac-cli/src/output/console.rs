@@ -8,6 +8,7 @@ use std::borrow::Cow;
 use std::io::Write;
 use std::process::ExitCode;
 use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use sagnac::{Error, ErrorKind};
 use sagnac_units::format::{printable, printable_json};
@@ -79,8 +80,17 @@ struct ComplaintPlace<'a> {
     value: Option<&'a str>,
 }
 
+/// `-q`, for readers of logs, which have no console.
+static IS_QUIET: AtomicBool = AtomicBool::new(false);
+
+/// True where errors alone are printed.
+pub(crate) fn is_quiet() -> bool {
+    IS_QUIET.load(Ordering::Relaxed)
+}
+
 impl Console {
     pub(crate) fn new(json: bool, loudness: Loudness) -> Self {
+        IS_QUIET.store(loudness == Loudness::Quiet, Ordering::Relaxed);
         Self { json, loudness, lost: None }
     }
 

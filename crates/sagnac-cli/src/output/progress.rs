@@ -1,7 +1,9 @@
 //! Progress of reading a log, fitting it or simulating a test: shown on a terminal after one second, otherwise silent.
 
+use std::collections::BTreeSet;
 use std::io::{IsTerminal, Write};
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -11,6 +13,9 @@ use sagnac_log::ingest::{LogReader, ReadMode, Watch};
 use sagnac_log::setup::Setup;
 use sagnac_units::format::printable;
 
+use crate::output::console::is_quiet;
+use crate::output::terminal::{MOST_COLUMNS, columns_of_errors, wrapped};
+
 /// Delay before anything is shown.
 const PATIENCE: Duration = Duration::from_secs(1);
 const TEMPLATE: &str = "{prefix} {msg} {wide_bar} {bytes} of {total_bytes}, {binary_bytes_per_sec}, {eta} left";
@@ -18,13 +23,23 @@ const TEMPLATE: &str = "{prefix} {msg} {wide_bar} {bytes} of {total_bytes}, {bin
 /// Opens a log; a long read from a file shows itself on a terminal, with what is done with it.
 pub(crate) fn open_log(path: &Path, setup: &Setup, pace: ReadMode, doing: &'static str) -> Result<LogReader> {
     let regular = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file);
-    let watch = regular.filter(|_| std::io::stderr().is_terminal()).map(|metadata| watch(path, metadata.len(), doing));
+    let watch = regular
+        .filter(|_| !is_quiet() && std::io::stderr().is_terminal())
+        .map(|metadata| watch(path, metadata.len(), doing));
     let log = LogReader::open_watched(path, setup, pace, watch)?;
-    if !log.assumed().is_empty() {
-        let said = format!("{}: {}", log.summary().file, log.assumed().join("; "));
-        let _ = writeln!(std::io::stderr(), "{}", printable(&said));
+    let assumed = log.assumed().join(". ");
+    if !assumed.is_empty() && !is_quiet() && is_new(&assumed) {
+        let said = printable(&format!("{}: {assumed}", log.summary().file)).into_owned();
+        let columns = columns_of_errors().map_or(MOST_COLUMNS, |own| own.min(MOST_COLUMNS));
+        let _ = writeln!(std::io::stderr(), "{}", wrapped(&said, Some(columns)));
     }
     Ok(log)
+}
+
+/// Logs of one rig are read alike: it is said of the first.
+fn is_new(assumed: &str) -> bool {
+    static SAID: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
+    SAID.lock().unwrap_or_else(PoisonError::into_inner).insert(assumed.to_owned())
 }
 
 /// A bar that appears after a second.
