@@ -18,10 +18,14 @@ const SHOWN: [(AllanTerm, &str); 4] = [
 
 /// With the notes on rows, axis by axis, and what was written.
 pub(crate) fn noise_brief(budget: &NoiseBudget, notes: &[(char, String)], wrote: &[String], units: RateUnit) -> Brief {
-    let titles = SHOWN.iter().map(|(term, letter)| format!("{letter}, {}", units.shown(term.name().1).1));
-    let titles: Vec<String> =
-        ["axis".to_owned()].into_iter().chain(titles).chain(["least deviation".to_owned()]).collect();
-    let rows: Vec<Vec<String>> = [titles].into_iter().chain(budget.axes.iter().map(|axis| row(axis, units))).collect();
+    let is_found = |term| budget.axes.iter().any(|axis| matches!(axis.terms.get(term), TermValue::Found { .. }));
+    let shown: Vec<_> =
+        SHOWN.into_iter().filter(|(term, _)| *term != AllanTerm::Quantization || is_found(*term)).collect();
+    let titles = shown.iter().map(|(term, letter)| format!("{letter}, {}", units.shown(term.name().1).1));
+    let least = format!("least deviation, {}", units.name());
+    let titles: Vec<String> = ["axis".to_owned()].into_iter().chain(titles).chain([least]).collect();
+    let of_axes = budget.axes.iter().map(|axis| row(axis, &shown, units));
+    let rows: Vec<Vec<String>> = [titles].into_iter().chain(of_axes).collect();
     let warnings = budget.warnings.iter().map(Remark::warning);
     let of_rows = notes.iter().map(|(axis, text)| Remark { axes: vec![*axis], ..Remark::note(text) });
     let unresolved = budget.axes.iter().flat_map(|axis| {
@@ -56,7 +60,7 @@ fn verdict(budget: &NoiseBudget) -> String {
     )
 }
 
-fn row(axis: &AxisBudget, units: RateUnit) -> Vec<String> {
+fn row(axis: &AxisBudget, shown: &[(AllanTerm, &str)], units: RateUnit) -> Vec<String> {
     let number = |term: AllanTerm, value: f64| significant(units.shown(term.name().1).0 * value, 3);
     let term = |term: AllanTerm| match axis.terms.get(term) {
         TermValue::Found { value, lower: Some(lower), upper: Some(upper) } => {
@@ -67,8 +71,8 @@ fn row(axis: &AxisBudget, units: RateUnit) -> Vec<String> {
     };
     let least = axis.curve.iter().min_by(|a, b| a.adev_dph.total_cmp(&b.adev_dph));
     let least = least.map_or("-".to_owned(), |point| {
-        format!("{} at {} s", units.text(point.adev_dph, 3), significant(point.tau_s, 3))
+        format!("{} at {} s", units.number(point.adev_dph, 3), significant(point.tau_s, 3))
     });
-    let terms = SHOWN.iter().map(|(wanted, _)| term(*wanted));
+    let terms = shown.iter().map(|(wanted, _)| term(*wanted));
     [axis.axis.to_string()].into_iter().chain(terms).chain([least]).collect()
 }
