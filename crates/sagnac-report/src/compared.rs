@@ -43,9 +43,10 @@ pub fn comparison_report(comparison: &Comparison) -> Result<Report> {
         );
         page.results.push(numbers(comparison, axis));
     }
-    if comparison.limits.is_some() && !comparison.shared_logs.is_empty() {
+    if !comparison.shared_logs.is_empty() {
         let logs = comparison.shared_logs.join(", ");
-        page.verdicts.push((false, format!("Not accepted: records were made from the same log ({logs})")));
+        let word = if comparison.limits.is_some() { "Not accepted: these" } else { "These" };
+        page.verdicts.insert(0, (false, format!("{word} records share a log ({logs}): they agree too well")));
     }
     if comparison.limits.is_some() && !comparison.untested_axes.is_empty() {
         page.verdicts.push((false, "Not accepted: an axis is not in every record".to_owned()));

@@ -64,12 +64,12 @@ fn verdicts(quality: &Quality, all: &Yield) -> Vec<(bool, String)> {
     let mut out =
         vec![(all.calibrated == all.units, format!("{} of {} units have a calibration", all.calibrated, all.units))];
     if all.judged > 0 {
-        out.push((all.met == all.judged, format!("{} of {} retested units met their limits", all.met, all.judged)));
+        out.push((all.met == all.judged, format!("{} of {} retested units met every limit", all.met, all.judged)));
     }
     if quality.rigs.is_empty() && quality.compared > 0 {
         out.push((
             true,
-            format!("no rig differs from the others ({})", counted(quality.compared, "comparison", "comparisons")),
+            format!("No rig differs from the others ({})", counted(quality.compared, "comparison", "comparisons")),
         ));
     }
     out.extend(quality.rigs.iter().map(|effect| (false, rig_words(effect))));
@@ -79,7 +79,7 @@ fn verdicts(quality: &Quality, all: &Yield) -> Vec<(bool, String)> {
 fn rig_words(effect: &RigEffect) -> String {
     let RigEffect { rig, quantity, difference, sigma, .. } = effect;
     format!(
-        "rig {rig}: {quantity} differs by {} {} from other rigs on the same lots",
+        "Rig {rig}: {quantity} differs by {} {} from other rigs on the same lots",
         with_sigma(*difference, Some(*sigma)),
         unit(&effect.unit)
     )
@@ -113,6 +113,11 @@ fn odd(quality: &Quality, named: &Named<'_>) -> PageTable {
     PageTable { entries, ..table(&heading, ["unit and axis", "furthest in", "from the median, σ"], rows) }
 }
 
+/// A limit in words.
+fn label_of(key: &str) -> &str {
+    SPECS.iter().find(|spec| spec.key == key).map_or(key, |spec| spec.label)
+}
+
 /// An odd axis is named by its unit and its letter.
 fn unit_of(odd: &Odd) -> &str {
     odd.of.rsplit_once(' ').map_or(odd.of.as_str(), |(unit, _)| unit)
@@ -138,7 +143,9 @@ impl<'a> Named<'a> {
             let not_judged = of.retest_refusal.iter().map(|why| format!("retest not judged: {}", why.reason));
             let limits = of.axes.iter().filter(|_| of.acceptance.is_bad()).flat_map(|axis| {
                 let how = if of.acceptance == Acceptance::NotDecided { "not decided" } else { "not met" };
-                axis.limits_not_met().into_iter().map(move |limit| format!("axis {}: {limit} {how}", axis.axis))
+                axis.limits_not_met()
+                    .into_iter()
+                    .map(move |limit| format!("axis {}: {} {how}", axis.axis, label_of(limit)))
             });
             let mut why: Vec<String> = refused.chain(not_judged).chain(limits).collect();
             why.extend(odd.remove(of.unit.as_str()).into_iter().flatten());
@@ -160,7 +167,7 @@ impl<'a> Named<'a> {
         let shown = || self.units.iter().filter(|(of, _)| !is_good(of));
         let rows = shown().map(|(of, why)| [of.unit.clone(), of.lot.clone(), of.rig.clone(), why.join("; ")]);
         let entries = shown().map(|(of, _)| self.id_of(&of.unit)).collect();
-        PageTable { entries, ..table("Units that are not good", ["unit", "lot", "rig", "why"], rows) }
+        PageTable { entries, ..table("Units to look at", ["unit", "lot", "rig", "why"], rows) }
     }
 
     fn entries(&self, units: RateUnit) -> Vec<Entry> {
@@ -229,7 +236,7 @@ fn axis_tables(of: &AxisResult, units: RateUnit) -> [PageTable; 2] {
             Some(false) => "not met",
             None => "not asked",
         };
-        [limit.name.clone(), value, significant(factor * limit.bound, 3), unit, met.to_owned()]
+        [label_of(&limit.name).to_owned(), value, significant(factor * limit.bound, 3), unit, met.to_owned()]
     });
     [figures, table(&format!("Axis {}: limits", of.axis), ["limit", "value", "bound", "unit", ""], limits)]
 }
@@ -251,9 +258,18 @@ fn capability(quality: &Quality) -> PageTable {
         });
         let known = |value: f64| if value.is_finite() { significant(value, 3) } else { "-".to_owned() };
         let not_met = format!("{not_met} of {asked}");
-        [limit.clone(), known(*bound), unit(of_unit), not_met, n.to_string(), known(*mean), known(*sigma), cpk]
+        [
+            label_of(limit).to_owned(),
+            known(*bound),
+            unit(of_unit),
+            not_met,
+            n.to_string(),
+            known(*mean),
+            known(*sigma),
+            cpk,
+        ]
     });
-    table("Capability", ["limit", "bound", "unit", "not met", "values", "mean", "σ", "Cpk"], rows)
+    table("Capability", ["limit", "bound", "unit", "missed or undecided", "values", "mean", "σ", "Cpk"], rows)
 }
 
 fn refusals(quality: &Quality) -> PageTable {

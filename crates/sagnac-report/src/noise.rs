@@ -73,7 +73,7 @@ fn all_axes(axes: &[AxisBudget]) -> Chart {
         id: "allan".to_owned(),
         group: "tau".to_owned(),
         title: "Allan deviation of all axes".to_owned(),
-        caption: "Overlapping Allan deviation of every axis; each band holds 95 % at each τ.".to_owned(),
+        caption: "Overlapping Allan deviation of every axis. Each band holds 95 % at each τ.".to_owned(),
         x_label: "averaging time τ, s".to_owned(),
         y_label: "deviation, °/h".to_owned(),
         curves: axes.iter().map(curve).collect(),

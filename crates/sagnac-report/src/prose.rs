@@ -5,7 +5,7 @@ use maud::{Markup, html};
 /// The message. A backtick without its second stays.
 pub(crate) fn prose(message: &str) -> Markup {
     let parts: Vec<&str> = message.split('`').collect();
-    if parts.len() % 2 == 0 {
+    if parts.len().is_multiple_of(2) {
         return html! { (message) };
     }
     html! { @for (at, part) in parts.iter().enumerate() { @if at % 2 == 1 { code { (part) } } @else { (part) } } }

@@ -102,7 +102,11 @@
     return all.filter((tick) => tick >= min && tick <= max);
   }
 
-  const short = (value) => Number(value.toPrecision(4)).toString().replace(/^-/, "\u2212");
+  const short = (value) => {
+    const rounded = Number(value.toPrecision(4)), size = Math.abs(rounded);
+    const text = size > 0 && size < 1e-4 ? rounded.toExponential() : rounded.toString();
+    return text.replaceAll("-", "\u2212");
+  };
 
   // What lies under the cursor: the nearest point in words.
   function read(u, figure, out) {
