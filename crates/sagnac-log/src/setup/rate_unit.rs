@@ -32,41 +32,77 @@ pub enum RateUnit {
     RadPerSecond,
 }
 
-/// Each with the ending of its headers, its name for people, °/h in one of it, and the unit of its angle random walk.
-const ALL: [(RateUnit, &str, &str, f64, &str); 4] = [
-    (RateUnit::DegPerHour, "dph", "°/h", 1.0, "°/√h"),
-    (RateUnit::DegPerSecond, "dps", "°/s", DPH_PER_DPS, "°/s/√Hz"),
-    (RateUnit::MilliDegPerSecond, "mdps", "m°/s", DPH_PER_DPS / 1000.0, "m°/s/√Hz"),
-    (RateUnit::RadPerSecond, "radps", "rad/s", DPH_PER_RADPS, "rad/s/√Hz"),
+/// What belongs to a unit.
+struct Row {
+    unit: RateUnit,
+    /// As people write it, in small letters, and the ending of its headers.
+    spellings: (&'static [&'static str], &'static str),
+    /// For people.
+    name: &'static str,
+    dph_per_unit: f64,
+    /// The unit of its angle random walk.
+    walk: &'static str,
+}
+
+/// In the order of [`RateUnit`].
+const ROWS: [Row; 4] = [
+    Row {
+        unit: RateUnit::DegPerHour,
+        spellings: (&["°/h", "deg/h", "deg/hr", "dph", "°/hr"], "dph"),
+        name: "°/h",
+        dph_per_unit: 1.0,
+        walk: "°/√h",
+    },
+    Row {
+        unit: RateUnit::DegPerSecond,
+        spellings: (&["°/s", "deg/s", "dps", "deg/sec", "°/sec"], "dps"),
+        name: "°/s",
+        dph_per_unit: DPH_PER_DPS,
+        walk: "°/s/√Hz",
+    },
+    Row {
+        unit: RateUnit::MilliDegPerSecond,
+        spellings: (&["m°/s", "mdeg/s", "mdps", "mdeg/sec"], "mdps"),
+        name: "m°/s",
+        dph_per_unit: DPH_PER_DPS / 1000.0,
+        walk: "m°/s/√Hz",
+    },
+    Row {
+        unit: RateUnit::RadPerSecond,
+        spellings: (&["rad/s", "radps", "rad/sec"], "radps"),
+        name: "rad/s",
+        dph_per_unit: DPH_PER_RADPS,
+        walk: "rad/s/√Hz",
+    },
 ];
 
 /// As people write them, and the ending of the headers.
-pub const RATE_UNITS: &[(&[&str], &str)] = &[
-    (&["°/h", "deg/h", "deg/hr", "dph", "°/hr"], "dph"),
-    (&["°/s", "deg/s", "dps", "deg/sec", "°/sec"], "dps"),
-    (&["m°/s", "mdeg/s", "mdps", "mdeg/sec"], "mdps"),
-    (&["rad/s", "radps", "rad/sec"], "radps"),
-];
+pub const RATE_UNITS: &[(&[&str], &str)] =
+    &[ROWS[0].spellings, ROWS[1].spellings, ROWS[2].spellings, ROWS[3].spellings];
 
 impl RateUnit {
+    fn row(self) -> &'static Row {
+        &ROWS[self as usize]
+    }
+
     /// The unit of headers with this ending, such as `dps`.
     pub fn of_ending(ending: &str) -> Option<Self> {
-        ALL.iter().find(|all| all.1 == ending).map(|all| all.0)
+        ROWS.iter().find(|row| row.spellings.1 == ending).map(|row| row.unit)
     }
 
     /// The ending of headers and attributes: `dph`, `dps`, `mdps` or `radps`.
     pub fn ending(self) -> &'static str {
-        ALL[self as usize].1
+        self.row().spellings.1
     }
 
     /// For people: `°/s`.
     pub fn name(self) -> &'static str {
-        ALL[self as usize].2
+        self.row().name
     }
 
     /// °/h in one of this unit.
     pub fn dph_per_unit(self) -> f64 {
-        ALL[self as usize].3
+        self.row().dph_per_unit
     }
 
     /// A rate in this unit.
@@ -97,7 +133,7 @@ impl RateUnit {
             (Self::DegPerHour, _) => (1.0, own),
             (_, Some("/√h")) => (1.0 / (60.0 * per_unit), format!("{}/√s", self.name())),
             (_, Some(rest)) => (1.0 / per_unit, format!("{}{rest}", self.name())),
-            (_, None) if own == "°/√h" => (60.0 / per_unit, ALL[self as usize].4.to_owned()),
+            (_, None) if own == "°/√h" => (60.0 / per_unit, self.row().walk.to_owned()),
             _ => (1.0, own),
         }
     }
@@ -114,8 +150,8 @@ impl FromStr for RateUnit {
 
     fn from_str(text: &str) -> Result<Self, Error> {
         let lower = text.trim().to_lowercase();
-        let known = RATE_UNITS.iter().find(|(names, _)| names.contains(&lower.as_str()));
-        known.and_then(|(_, ending)| Self::of_ending(ending)).ok_or_else(|| {
+        let known = ROWS.iter().find(|row| row.spellings.0.contains(&lower.as_str()));
+        known.map(|row| row.unit).ok_or_else(|| {
             Error::input("not a unit of rates", "give one of dph, dps, mdps, radps, or °/h, °/s, m°/s, rad/s")
                 .value(text)
         })
