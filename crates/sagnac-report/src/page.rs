@@ -321,8 +321,8 @@ fn headline(axis: char, several: bool, words: &str) -> String {
 const NO_GAIN: f64 = 1.05;
 
 /// `drift reduced 94 times; remaining 8.3 °/h`; without a gain, that there is none.
-fn reduced(times: f64, written: &str, remaining_dph: f64, units: RateUnit) -> String {
-    let gain = if times > NO_GAIN { format!("reduced {written} times") } else { "not reduced".to_owned() };
+fn reduced(times: f64, text: fn(f64) -> String, remaining_dph: f64, units: RateUnit) -> String {
+    let gain = if times > NO_GAIN { format!("reduced {} times", text(times)) } else { "not reduced".to_owned() };
     format!("drift {gain}; remaining {}", units.text(remaining_dph, 3))
 }
 
@@ -335,7 +335,7 @@ fn fit_verdict(axis: &AxisCalibration, report_data: &ReportData, several: bool, 
     let logged = points.and_then(AxisReportData::logged_sigma_dph);
     let reduction = points.and_then(|points| points.reduction(held_out));
     let word = match (held_out, reduction) {
-        (Some(held_out), Some(times)) => reduced(times, &times_text(times), held_out, units),
+        (Some(held_out), Some(times)) => reduced(times, times_text, held_out, units),
         (Some(_), None) => "fitted; too few windows or no drift to compare with".to_owned(),
         (None, _) if axis.fit.as_ref().is_some_and(|fit| fit.prior.is_some()) => {
             "fitted with the prior of its fleet; the test is too short to check the drift on unseen data".to_owned()
@@ -379,7 +379,7 @@ fn proof_verdict(axis: &AxisVerification, verification: &Verification, units: Ra
         _ if !verification.training_overlap.is_empty() => {
             "the fit has seen this log, so no reduction is stated".to_owned()
         }
-        Some(times) => reduced(times, &significant(times, 3), remaining_dph, units),
+        Some(times) => reduced(times, |times| significant(times, 3), remaining_dph, units),
         None => format!("remaining {}", units.text(remaining_dph, 3)),
     };
     let class = axis.pass.map_or("", |pass| if pass { "pass" } else { "fail" });
