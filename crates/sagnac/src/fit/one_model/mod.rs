@@ -1,5 +1,6 @@
 //! One model on one problem: its lags, coefficients and covariance, and what the fit makes of each input.
 
+pub(crate) mod curve;
 pub(crate) mod design;
 pub(crate) mod effects;
 pub(crate) mod input_noise;

@@ -1,12 +1,14 @@
 //! The record of the fit of one axis.
 
 use crate::calibration::{
-    AxisCalibration, AxisCorrection, Collinearity, CorrectionNoise, FitDiagnostics, FitResidual, FixedBias, Hysteresis,
-    LogUnit, PriorUse, RunOffset, Target, TimeEffect, TimeEffectKind,
+    AxisCalibration, AxisCorrection, Collinearity, CorrectionNoise, CurveSpread, Entanglement, FitDiagnostics,
+    FitResidual, FixedBias, Hysteresis, LackOfFit, LogUnit, PriorUse, RunOffset, Soak, Target, TimeEffect,
+    TimeEffectKind, WholeNoise,
 };
 use crate::diagnostics::{
     AxisReportData, WindowPoint, hysteresis_of, offsets_hide_drift, points, ramp_rates_cpm, run_spans,
 };
+use crate::fit::one_model::curve::FittedCurve;
 use crate::fit::one_model::effects::Parts;
 use crate::fit::one_model::recorded::{recorded_inputs, terms};
 use crate::fit::one_model::residual_noise::FitResidualNoise;
@@ -18,7 +20,7 @@ use crate::fit::problem::axis::Axis;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::levels::Level;
 use crate::fit::problem::rate_columns::CommonRates;
-use crate::fit::record::drawn::Drawn;
+use crate::fit::record::drawn::drawn;
 use crate::fit::record::monomial::monomials;
 use crate::fit::record::scale_factor::{check_scale, misalignment, scale_factor};
 use crate::fit::selection::auto::auto;
@@ -28,7 +30,7 @@ use crate::fit::selection::prices::CONDITION_MAX;
 use crate::fit::selection::selected::Selected;
 use crate::fit::uncertainty::entanglement::entangled;
 use crate::fit::uncertainty::other_curves::spread_and_lack_of_fit;
-use crate::fit::uncertainty::soak::{Extension, soak};
+use crate::fit::uncertainty::soak::soak;
 use crate::fit::uncertainty::whole_noise::whole_noise;
 use crate::image::Holder;
 use crate::model::input::Signal;
@@ -96,11 +98,23 @@ pub(crate) fn fit_axis(
     let inputs = recorded_inputs(fitted, Some(&parts), problem, windows, setup, sensor);
     let terms = terms(fitted, problem, &inputs);
     check_scale(&terms, letter)?;
-    let drawn = Drawn::of(fitted, problem, &parts);
     let warm_up = corrects_warm_up.then(|| estimate(problem, fitted, mixed, white_variance(mixed))).flatten();
     let (monomial, zones) = monomials(fitted, problem, &windows.shape, reference_c);
+    let run_offsets = run_offsets(fitted, problem, setup.input_rate_of(letter, windows.shape.axes.len()));
+    let fixed_bias = FixedBias::of(&run_offsets).filter(|_| options.removes_bias);
+    if options.removes_bias && fixed_bias.is_none() {
+        return Err(unknown_input(letter, windows.shape.axes.len()));
+    }
+    let report_data = drawn(fitted, problem, &parts, &run_offsets, [axis, sensor]);
+    let points = &report_data.points;
+    let residual = residual(fitted);
+    // A prior's uncertainty is in its covariance.
+    let test_alone = if options.prior.is_some() { OfTest::default() } else { OfTest::of(&one, sensor, stated) };
     let diagnostics = FitDiagnostics {
-        residual: residual(fitted),
+        hysteresis: hysteresis(points, &residual),
+        ramp_rates_cpm: ramp_rates_cpm(points),
+        hidden_in_offsets_dph: offsets_hide_drift(points).then(|| scatter(&run_offsets)),
+        residual,
         noise_floor,
         cross_validation: selected.cross_validation(),
         collinearity: fitted
@@ -108,18 +122,15 @@ pub(crate) fn fit_axis(
             .as_ref()
             .map(|conditioning| Collinearity { condition: conditioning.condition, limit: CONDITION_MAX }),
         correction_noise: (!fitted.terms.is_empty()).then(|| one.correction_noise.clone()),
-        whole_noise: None,
-        hysteresis: None,
-        ramp_rates_cpm: None,
-        curve_spread: None,
-        lack_of_fit: None,
+        whole_noise: test_alone.whole_noise,
+        curve_spread: test_alone.curve_spread,
+        lack_of_fit: test_alone.lack_of_fit,
         slow_noise: best.terms(white_variance(best).sqrt()),
         noise_exceeds_setup: noise.exceeds_setup,
         time_effects: time_effects(fitted, problem, corrects_warm_up),
-        entanglement: Vec::new(),
+        entanglement: test_alone.entanglement,
         prior: one.prior.clone(),
-        hidden_in_offsets_dph: None,
-        soak: None,
+        soak: test_alone.soak,
         scale_factor: scale_factor(fitted, problem, axis, noise.stated),
         misalignment: misalignment(fitted, problem),
         candidates: selected.candidates(),
@@ -130,11 +141,6 @@ pub(crate) fn fit_axis(
         covariance: fitted.covariance.row_iter().map(|row| row.iter().copied().collect()).collect(),
         covariance_of: covariance_of(fitted, problem),
     };
-    let run_offsets = run_offsets(fitted, problem, setup.input_rate_of(letter, windows.shape.axes.len()));
-    let fixed_bias = FixedBias::of(&run_offsets).filter(|_| options.removes_bias);
-    if options.removes_bias && fixed_bias.is_none() {
-        return Err(unknown_input(letter, windows.shape.axes.len()));
-    }
     let record = AxisCalibration {
         axis: letter,
         correction: AxisCorrection { model: fitted.spec.to_string(), inputs, terms, warm_up, fixed_bias },
@@ -143,10 +149,7 @@ pub(crate) fn fit_axis(
         zones,
         fit: Some(diagnostics),
     };
-    // A prior's uncertainty is in its covariance.
-    let record = if options.prior.is_some() { record } else { with_uncertainty(record, &one, sensor, stated) };
-    let points = drawn.points(&record, windows, axis, sensor);
-    Ok((with_profile(record, &points), AxisReportData { axis: letter, points, effects: drawn.effects }))
+    Ok((record, report_data))
 }
 
 /// A log at rest holds bias and input rate in one number.
@@ -155,46 +158,33 @@ fn unknown_input(axis: char, axes: usize) -> Error {
     Error::input(what, format!("give the input rate: {}", input_rate_hint(axis, axes))).column("--remove-bias")
 }
 
-/// With what its windows show next to the fit: heating against cooling, ramps, and a drift that the offsets of the runs hide.
-fn with_profile(record: AxisCalibration, points: &[WindowPoint]) -> AxisCalibration {
-    let offsets: Vec<f64> = record.run_offsets.iter().map(|offset| offset.value_dph).collect();
-    let fit = record.fit.map(|fit| FitDiagnostics {
-        hysteresis: hysteresis(points, &fit.residual),
-        ramp_rates_cpm: ramp_rates_cpm(points),
-        hidden_in_offsets_dph: offsets_hide_drift(points).then(|| scatter(&offsets)),
-        ..fit
-    });
-    AxisCalibration { fit, ..record }
+/// What other models, more soaking and what moved together make of the curve: of the test alone.
+#[derive(Default)]
+struct OfTest {
+    soak: Option<Soak>,
+    curve_spread: Option<CurveSpread>,
+    lack_of_fit: Option<LackOfFit>,
+    entanglement: Vec<Entanglement>,
+    whole_noise: Option<WholeNoise>,
 }
 
-/// With what other models, more soaking and what moved together make of the curve: of the test alone.
-fn with_uncertainty(
-    record: AxisCalibration,
-    one: &OneFit<'_>,
-    sensor: usize,
-    stated: Option<(SlowNoise, f64)>,
-) -> AxisCalibration {
-    let OneFit { selected, fitted, noise, .. } = one;
-    let (problem, slow, reference_c) = (&selected.problem, noise.estimate.best, record.reference_c());
-    let curve = |celsius: f64| {
-        let variance = record.variance_of(&record.drift_weights(celsius, reference_c));
-        (record.drift(celsius, reference_c), variance)
-    };
-    let soak = Extension::new(problem, fitted, slow).and_then(|extension| soak(&record, &extension));
-    let (curve_spread, lack_of_fit) = spread_and_lack_of_fit(selected, fitted, slow, curve);
-    let windows = problem.windows();
-    let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
-    let white = noise.white_variance(problem, fitted, slow);
-    let entanglement = entangled(problem, (slow, white), fitted, &profile);
-    let fit = record.fit.clone().map(|fit| FitDiagnostics {
-        soak,
-        curve_spread,
-        lack_of_fit,
-        entanglement,
-        whole_noise: whole_noise(problem, fitted, &profile, stated),
-        ..fit
-    });
-    AxisCalibration { fit, ..record }
+impl OfTest {
+    fn of(one: &OneFit<'_>, sensor: usize, stated: Option<(SlowNoise, f64)>) -> Self {
+        let OneFit { selected, fitted, noise, .. } = one;
+        let (problem, slow) = (&selected.problem, noise.estimate.best);
+        let curve = FittedCurve::of(problem, fitted);
+        let (curve_spread, lack_of_fit) = spread_and_lack_of_fit(selected, fitted, slow, |celsius| curve.at(celsius));
+        let windows = problem.windows();
+        let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
+        let white = noise.white_variance(problem, fitted, slow);
+        Self {
+            soak: soak(problem, fitted, slow),
+            curve_spread,
+            lack_of_fit,
+            entanglement: entangled(problem, (slow, white), fitted, &profile),
+            whole_noise: whole_noise(problem, fitted, &profile, stated),
+        }
+    }
 }
 
 /// A model on its axis, fitted.
@@ -233,8 +223,9 @@ fn one_fit<'a>(
     Ok(OneFit { selected, fitted, noise, correction_noise, prior: None })
 }
 
-/// σ of some values about their mean.
-fn scatter(values: &[f64]) -> f64 {
+/// σ of offsets about their mean, °/h.
+fn scatter(offsets: &[RunOffset]) -> f64 {
+    let values: Vec<f64> = offsets.iter().map(|offset| offset.value_dph).collect();
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     (values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0)).sqrt()

@@ -14,11 +14,11 @@
 use crate::calibration::{CurveSpread, Entanglement, MovedTogether};
 use crate::diagnostics::WindowPoint;
 use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
+use crate::fit::one_model::curve::FittedCurve;
 use crate::fit::one_model::solution::{Fitted, added_column};
 use crate::fit::problem::curve_points::{POINTS, temperature};
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::levels::Level;
-use crate::model::ActsOn;
 use crate::noise_model::processes::SlowNoise;
 use crate::noise_model::whitening::Whitening;
 
@@ -64,31 +64,17 @@ fn added(
         }
     };
     let whitening = Whitening::new(problem.noise_rows(), noise);
-    let values = &fitted.theta[problem.levels().len()..];
-    let whole =
-        (0..POINTS).map(|point| curve(problem, fitted, values, temperature(problem, point)).abs()).fold(0.0, f64::max);
+    let (curve, levels) = (FittedCurve::of(problem, fitted), problem.levels().len());
+    let whole = (0..POINTS).map(|point| curve.at(temperature(problem, point)).0.abs()).fold(0.0, f64::max);
     let mut most = vec![0.0_f64; POINTS];
     for column in &columns {
         let Some(solution) = added_column(problem, fitted, &whitening, column) else { continue };
         let scale = (variance / solution.misfit + solution.coefficient.powi(2)).sqrt();
         for (point, most) in most.iter_mut().enumerate() {
-            let celsius = temperature(problem, point);
-            let added = scale * curve(problem, fitted, &solution.of_terms, celsius).abs();
-            *most = most.max(added.min(whole));
+            let weights = curve.weights(temperature(problem, point)).into_iter();
+            let explained: f64 = weights.map(|(row, weight)| solution.of_terms[row - levels] * weight).sum();
+            *most = most.max((scale * explained.abs()).min(whole));
         }
     }
     CurveSpread { temperature_c: (0..POINTS).map(|point| temperature(problem, point)).collect(), sigma_dph: most }
-}
-
-/// The curve at rest of some coefficients of the terms, less that at the reference.
-fn curve(problem: &LeastSquares<'_>, fitted: &Fitted, of_terms: &[f64], celsius: f64) -> f64 {
-    let (span, reference) = (problem.span(), problem.inputs[0].reference);
-    let of_curve = fitted
-        .terms
-        .iter()
-        .zip(of_terms)
-        .filter(|(term, _)| term.input == 0 && !term.form.times_rate && term.form.acts_on == ActsOn::Bias);
-    of_curve
-        .map(|(term, value)| value * (term.form.shape.value(span, celsius) - term.form.shape.value(span, reference)))
-        .sum()
 }

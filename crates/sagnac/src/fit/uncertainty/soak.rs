@@ -9,9 +9,11 @@
 //! covariance of the fit has it. The forecast assumes that the model is right: a longer
 //! soak does not replace a missing term.
 
-use crate::calibration::{AxisCalibration, Soak, SoakRow};
+use crate::calibration::{Soak, SoakRow};
+use crate::fit::one_model::curve::FittedCurve;
 use crate::fit::one_model::solution::{Fitted, weighted_rows};
 use crate::fit::problem::least_squares::LeastSquares;
+use crate::fit::problem::levels::Level;
 use crate::noise_model::processes::{Continuation, SlowNoise};
 use nalgebra::{DMatrix, DVector};
 
@@ -21,7 +23,7 @@ const HOURS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 const TEMPERATURES: usize = 12;
 
 /// What more windows at the end of a test would make of the covariance of its fit.
-pub(crate) struct Extension {
+struct Extension {
     /// (JᵀWJ)⁻¹.
     normal: DMatrix<f64>,
     /// ZᵀVZ.
@@ -35,7 +37,7 @@ pub(crate) struct Extension {
 impl Extension {
     /// Under the likeliest noise: in a mixture a walk that is hardly there would grow over the hours. `None` where the terms depend on
     /// each other.
-    pub(crate) fn new(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> Option<Self> {
+    fn new(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> Option<Self> {
         let (normal, z) = weighted_rows(problem, fitted, None)?;
         let (between, continuation) =
             (noise.between(problem.noise_rows(), &z), noise.continued(problem.noise_rows(), &z));
@@ -54,21 +56,20 @@ impl Extension {
     }
 }
 
-/// The forecast of one axis; `None` where nothing was fitted or there is no bias term.
-pub(crate) fn soak(axis: &AxisCalibration, extension: &Extension) -> Option<Soak> {
-    let fit = axis.fit.as_ref()?;
-    let size = fit.covariance.len();
-    let offset = fit.covariance_of.iter().rposition(|name| name.starts_with("offset"))?;
-    let reference_c = axis.reference_c();
-    let span = axis.span();
-    let curve = |celsius: f64| {
-        let mut g = DVector::zeros(size);
-        axis.drift_weights(celsius, reference_c).iter().for_each(|(row, weight)| g[*row] = *weight);
-        g
-    };
-    if axis.drift_weights(span.hi, span.lo).is_empty() {
+/// The forecast of a fit under its likeliest noise; `None` where there is no bias term.
+pub(crate) fn soak(problem: &LeastSquares<'_>, fitted: &Fitted, noise: SlowNoise) -> Option<Soak> {
+    let fitted_curve = FittedCurve::of(problem, fitted);
+    if fitted_curve.is_empty() {
         return None;
     }
+    let extension = Extension::new(problem, fitted, noise)?;
+    let offset = problem.levels().iter().rposition(|level| matches!(level, Level::Run(_) | Level::AllRuns))?;
+    let span = problem.span();
+    let curve = |celsius: f64| {
+        let mut g = DVector::zeros(fitted.covariance.nrows());
+        fitted_curve.weights(celsius).iter().for_each(|(row, weight)| g[*row] = *weight);
+        g
+    };
     let sigma_after = |weights: &DVector<f64>, soaked_c: f64, hours: f64| {
         let mut g = curve(soaked_c);
         g[offset] = 1.0;
