@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sagnac::fleet::{
-    Answer, Done, InOrder, PriorFile, Recipe, Results, TABLE, Unit, Work, answer, calibrate_by, check_output,
+    Answer, Done, FleetWork, InOrder, PriorFile, Recipe, Results, TABLE, Unit, answer, calibrate_by, check_output,
     units_among, units_in_manifest, units_of,
 };
 use sagnac::verify::Limits;
@@ -143,7 +143,7 @@ fn on_cluster(
 
 fn here(units: &[Unit], recipe: &Recipe, args: &Args, report: &(dyn Fn(Done) + Sync)) -> Result<()> {
     let threads = args.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
-    let work = Work { recipe, threads, again: args.again };
+    let work = FleetWork { recipe, threads, again: args.again };
     let by_unit = |unit: &Unit, before: Option<&str>| {
         let done = Stores::new(args.patience)
             .and_then(|stores| by_files(&stores, unit, &|unit| answer(unit, recipe, recipe.setup.memory, before)));

@@ -3,7 +3,7 @@
 
 use sagnac_bench::Start;
 use sagnac_bench::decode::Decoder;
-use sagnac_bench::journal::{Entry, Kind};
+use sagnac_bench::journal::{Entry, EntryKind};
 use sagnac_log::setup::{LiveFormat, Setup, ThermometerSetup};
 
 const POLL: &str =
@@ -32,10 +32,10 @@ fn rows(which: u8, bytes: &[u8], piece: usize) -> String {
     let mut decoder = Decoder::new(&start).expect("our own setup");
     let entry =
         |kind, source, payload: &[u8]| Entry { kind, source, arrival_ns: 1_000_000_000, payload: payload.to_vec() };
-    decoder.push(&entry(Kind::Connected, 0, b"x"));
-    decoder.push(&entry(Kind::Bytes, 1, bytes.get(..bytes.len().min(20)).unwrap_or_default()));
+    decoder.push(&entry(EntryKind::Connected, 0, b"x"));
+    decoder.push(&entry(EntryKind::Bytes, 1, bytes.get(..bytes.len().min(20)).unwrap_or_default()));
     for piece in bytes.chunks(piece) {
-        decoder.push(&entry(Kind::Bytes, 0, piece));
+        decoder.push(&entry(EntryKind::Bytes, 0, piece));
     }
     let counts = decoder.counts();
     let batch = decoder.take().expect("columns of one length");

@@ -29,7 +29,7 @@ const CRC: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
 
 /// What an entry is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum EntryKind {
     /// The recording begins: [`crate::Start`] as JSON.
     Start,
     /// Bytes of a source.
@@ -48,7 +48,7 @@ pub enum Kind {
     Note,
 }
 
-impl Kind {
+impl EntryKind {
     const ALL: [Self; 8] =
         [Self::Start, Self::Bytes, Self::Connected, Self::Lost, Self::Ended, Self::Resumed, Self::Stopped, Self::Note];
 
@@ -65,7 +65,7 @@ impl Kind {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Entry {
     /// What it is.
-    pub kind: Kind,
+    pub kind: EntryKind,
     /// Number of the source, from 0.
     pub source: u8,
     /// Time of arrival, ns since 1970: the clock of the computer at the start, and its monotonic clock since.
@@ -76,7 +76,7 @@ pub struct Entry {
 
 impl Entry {
     /// An entry with a text.
-    pub fn text(kind: Kind, source: u8, arrival_ns: i64, text: &str) -> Self {
+    pub fn text(kind: EntryKind, source: u8, arrival_ns: i64, text: &str) -> Self {
         let most = text.char_indices().map(|(at, c)| at + c.len_utf8()).take_while(|end| *end <= MOST_PAYLOAD_BYTES);
         let end = most.last().unwrap_or(0);
         Self { kind, source, arrival_ns, payload: text.as_bytes().get(..end).unwrap_or_default().to_vec() }
@@ -106,7 +106,7 @@ fn entries_of(mut bytes: &[u8]) -> Option<Vec<Entry>> {
         let length = u32::from_le_bytes(front(&mut bytes)?) as usize;
         let payload = bytes.get(..length)?.to_vec();
         bytes = bytes.get(length..)?;
-        entries.push(Entry { kind: Kind::of(kind)?, source, arrival_ns, payload });
+        entries.push(Entry { kind: EntryKind::of(kind)?, source, arrival_ns, payload });
     }
     Some(entries)
 }
@@ -373,7 +373,7 @@ mod tests {
     use super::*;
 
     fn entry(number: u8, payload: Vec<u8>) -> Entry {
-        Entry { kind: Kind::Bytes, source: number % 3, arrival_ns: i64::from(number) * 1_000_000, payload }
+        Entry { kind: EntryKind::Bytes, source: number % 3, arrival_ns: i64::from(number) * 1_000_000, payload }
     }
 
     fn written(path: &Path, blocks: &[Vec<Vec<u8>>]) -> Vec<u64> {

@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 use sagnac_log::{Error, Result};
 use serde::Serialize;
 
-use crate::journal::{Entry, JournalWriter, Kind};
+use crate::journal::{Entry, EntryKind, JournalWriter};
 use crate::source::{ArrivalClock, Arrived, SourceEvent, Stop};
 
 /// A block is written after this time, or when it is this long.
@@ -136,7 +136,7 @@ impl Sources {
 }
 
 /// Records until the first source ends or everybody is to stop.
-pub(crate) struct Recorder {
+pub(crate) struct JournalRecorder {
     pub(crate) journal: JournalWriter,
     pub(crate) clock: ArrivalClock,
     pub(crate) published: Published,
@@ -144,7 +144,7 @@ pub(crate) struct Recorder {
     pub(crate) stop: Stop,
 }
 
-impl Recorder {
+impl JournalRecorder {
     /// Records what comes.
     ///
     /// # Errors
@@ -206,29 +206,29 @@ impl Recorder {
                     status.last_ns = at_ns;
                     status.bytes += payload.len() as u64;
                 });
-                Entry { kind: Kind::Bytes, source, arrival_ns: at_ns, payload }
+                Entry { kind: EntryKind::Bytes, source, arrival_ns: at_ns, payload }
             }
             SourceEvent::Connected(to) => {
                 self.sources.with(source.into(), |status| {
                     status.state = SourceState::Waiting;
                     status.last_ns = at_ns;
                 });
-                Entry::text(Kind::Connected, source, at_ns, &serde_json::to_string(&to).unwrap_or(to.to))
+                Entry::text(EntryKind::Connected, source, at_ns, &serde_json::to_string(&to).unwrap_or(to.to))
             }
             SourceEvent::Lost(why) => {
                 self.sources.with(source.into(), |status| {
                     status.state = SourceState::Lost;
                     status.why.clone_from(&why);
                 });
-                Entry::text(Kind::Lost, source, at_ns, &why)
+                Entry::text(EntryKind::Lost, source, at_ns, &why)
             }
             SourceEvent::Ended => {
                 self.sources.with(source.into(), |status| status.state = SourceState::Ended);
-                Entry::text(Kind::Ended, source, at_ns, "")
+                Entry::text(EntryKind::Ended, source, at_ns, "")
             }
         };
         self.journal.push(&entry)?;
-        Ok(is_first && entry.kind == Kind::Ended)
+        Ok(is_first && entry.kind == EntryKind::Ended)
     }
 
     fn write(&mut self) -> Result<()> {
@@ -252,14 +252,14 @@ impl Recorder {
             });
             if let Some(Some(said)) = fell_silent {
                 let number = u8::try_from(source).unwrap_or(u8::MAX);
-                self.journal.push(&Entry::text(Kind::Note, number, now_ns, &said))?;
+                self.journal.push(&Entry::text(EntryKind::Note, number, now_ns, &said))?;
             }
         }
         Ok(())
     }
 
     fn close(&mut self) -> Result<()> {
-        self.journal.push(&Entry::text(Kind::Stopped, 0, self.clock.now_ns(), ""))?;
+        self.journal.push(&Entry::text(EntryKind::Stopped, 0, self.clock.now_ns(), ""))?;
         self.write()?;
         self.journal.sync()
     }

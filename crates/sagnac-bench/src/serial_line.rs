@@ -1,6 +1,6 @@
 //! What a gyro says on its serial line, in words, and its clock over wraps and restarts.
 
-use sagnac_board::{KINDS, Message, Output, POWER_ON, Reply, ReplyCode};
+use sagnac_board::{KINDS, Message, OutputFrame, POWER_ON, Reply, ReplyCode};
 use sagnac_core::{Origin, Status};
 use sagnac_loops::{IntensityStatus, PathLengthStatus};
 
@@ -10,7 +10,7 @@ const LONGEST_GAP: u16 = 1 << 15;
 /// Counts the frames missing between outputs, and the ticks since power-on beyond the 32 bits of a frame.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct OutputClock {
-    last: Option<Output>,
+    last: Option<OutputFrame>,
     /// Ticks since power-on at the newest output.
     pub ticks: u64,
     /// Frames missing between outputs.
@@ -26,7 +26,7 @@ impl OutputClock {
     }
 
     /// The next output.
-    pub fn follow(&mut self, output: &Output) {
+    pub fn follow(&mut self, output: &OutputFrame) {
         let Some(last) = self.last.replace(*output) else {
             self.ticks = output.tick.into();
             return;
@@ -78,7 +78,7 @@ pub fn is_piece_done(reply: &Reply) -> bool {
 }
 
 /// Where the active image of an output comes from.
-pub fn image_words(output: &Output) -> &'static str {
+pub fn image_words(output: &OutputFrame) -> &'static str {
     match output.origin {
         _ if output.trial => "on trial",
         Origin::Newest => "newest",
@@ -88,18 +88,18 @@ pub fn image_words(output: &Output) -> &'static str {
 }
 
 /// The bits of an output's status.
-pub fn status_words(output: &Output) -> String {
+pub fn status_words(output: &OutputFrame) -> String {
     let known = Status::NAMES.iter().chain(&Status::BOARD_NAMES);
     names(known.map(|(bit, name)| (bit.bits(), *name)), output.status.bits())
 }
 
 /// The bits of the path-length loop's status.
-pub fn path_length_words(output: &Output) -> String {
+pub fn path_length_words(output: &OutputFrame) -> String {
     names(PathLengthStatus::NAMES.iter().map(|(bit, name)| (bit.bits().into(), *name)), output.path_status.into())
 }
 
 /// The bits of the intensity loop's status.
-pub fn intensity_words(output: &Output) -> String {
+pub fn intensity_words(output: &OutputFrame) -> String {
     names(IntensityStatus::NAMES.iter().map(|(bit, name)| (bit.bits().into(), *name)), output.light_status.into())
 }
 

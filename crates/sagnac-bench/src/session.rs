@@ -9,8 +9,8 @@ use sagnac_log::threads::spawn;
 use sagnac_log::{Error, Result};
 
 use crate::decode::Decoder;
-use crate::journal::{Entry, JournalReader, JournalWriter, Kind};
-use crate::record::{Published, QUEUE, Recorder, SourceStatus, Sources, no_thread};
+use crate::journal::{Entry, EntryKind, JournalReader, JournalWriter};
+use crate::record::{JournalRecorder, Published, QUEUE, SourceStatus, Sources, no_thread};
 use crate::source::{Address, ArrivalClock, BytePlace, GoOn, Instrument, Out, Stop, spawn_poll, spawn_stream};
 use crate::start::Start;
 
@@ -74,7 +74,7 @@ impl Session {
         let go_on = before.as_ref().filter(is_same).map(|before| before.go_on.clone()).unwrap_or_default();
         let start = match before {
             Some(before) => {
-                writer.push(&Entry::text(Kind::Resumed, 0, clock.now_ns(), program))?;
+                writer.push(&Entry::text(EntryKind::Resumed, 0, clock.now_ns(), program))?;
                 before.start
             }
             None => {
@@ -96,7 +96,7 @@ impl Session {
             let number = u8::try_from(number).unwrap_or(u8::MAX);
             Out { number, clock, to: to.clone(), stop: stop.clone() }
         };
-        let recorder = Recorder {
+        let recorder = JournalRecorder {
             journal: writer,
             clock,
             published: published.clone(),

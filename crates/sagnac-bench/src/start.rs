@@ -6,7 +6,7 @@ use sagnac_log::setup::{BenchSetup, Setup};
 use sagnac_log::{Error, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::journal::{Entry, Kind};
+use crate::journal::{Entry, EntryKind};
 
 /// What is recorded, and how.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,7 +30,7 @@ impl Start {
     /// A setup that is too long for an entry.
     pub fn entry(&self) -> Result<Entry> {
         let text = serde_json::to_string(self).map_err(|e| Error::defect(format!("cannot write the journal: {e}")))?;
-        let entry = Entry::text(Kind::Start, 0, self.started_ns, &text);
+        let entry = Entry::text(EntryKind::Start, 0, self.started_ns, &text);
         if entry.payload.len() < text.len() {
             return Err(Error::input("the setup is larger than 64 KiB and cannot be recorded", "shorten the setup"));
         }
@@ -48,7 +48,7 @@ impl Start {
                 "give the journal that `sagnac bench` wrote next to the log",
             )
         };
-        let first = entries.first().filter(|entry| entry.kind == Kind::Start).ok_or_else(none)?;
+        let first = entries.first().filter(|entry| entry.kind == EntryKind::Start).ok_or_else(none)?;
         let start: Self = serde_json::from_slice(&first.payload).map_err(|_| none())?;
         start.setup().check()?;
         Ok(start)

@@ -8,7 +8,7 @@ use std::path::Path;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
-use sagnac_bench::journal::{Entry, JournalWriter, Kind};
+use sagnac_bench::journal::{Entry, EntryKind, JournalWriter};
 use sagnac_bench::live::{Live, Warning, WarningKind};
 use sagnac_bench::{JournalRows, Start, journal_of};
 use sagnac_log::setup::Setup;
@@ -154,7 +154,7 @@ impl Rig {
         let mut journal = JournalWriter::create(path).unwrap();
         journal.push(&start.entry().unwrap()).unwrap();
         let bytes = |source: u8, at_s: f64, text: String| Entry {
-            kind: Kind::Bytes,
+            kind: EntryKind::Bytes,
             source,
             arrival_ns: STARTED_NS + (at_s * NS) as i64,
             payload: text.into_bytes(),
@@ -410,8 +410,12 @@ fn faults_of_the_simulator_are_seen() {
         let mut journal = JournalWriter::create(&path).unwrap();
         journal.push(&start.entry().unwrap()).unwrap();
         let mut log = sagnac_sim::LogText::new(&scenario);
-        let entry =
-            |t_ns: i64, line: &[u8]| Entry { kind: Kind::Bytes, source: 0, arrival_ns: t_ns, payload: line.to_vec() };
+        let entry = |t_ns: i64, line: &[u8]| Entry {
+            kind: EntryKind::Bytes,
+            source: 0,
+            arrival_ns: t_ns,
+            payload: line.to_vec(),
+        };
         journal.push(&entry(0, log.header_line().as_bytes())).unwrap();
         let mut run = scenario.build().unwrap().start(5);
         run.each_row(|row, second| journal.push(&entry(row.time_ns, log.line(row, second)))).unwrap();

@@ -18,7 +18,7 @@ use sagnac_loops::{
     QuadratureState, Stripper,
 };
 
-use crate::message::Output;
+use crate::message::OutputFrame;
 
 /// Ticks of an output frame: 10 ms at 100 µs.
 pub const FRAME_TICKS: u16 = 100;
@@ -67,7 +67,7 @@ pub struct Board {
     seal: Seal,
     image_checksum: u32,
     /// The frame being filled, and its ticks so far.
-    frame: Output,
+    frame: OutputFrame,
     frame_ticks: u16,
 }
 
@@ -99,7 +99,7 @@ impl Board {
             origin,
             trial: false,
             watch: None,
-            frame: Output { origin, ..Output::default() },
+            frame: OutputFrame { origin, ..OutputFrame::default() },
             frame_ticks: 0,
         }
     }
@@ -166,7 +166,7 @@ impl Board {
         &mut self,
         levels: impl Iterator<Item = (bool, bool)>,
         sample: &Sample,
-    ) -> (ActuatorCodes, Option<Output>) {
+    ) -> (ActuatorCodes, Option<OutputFrame>) {
         let mut counts = 0_i32;
         for (a, b) in levels {
             counts = counts.wrapping_add(self.counter.update(&mut self.count_state, a, b));
@@ -177,7 +177,12 @@ impl Board {
     /// The same with the counts of a hardware counter (a timer in encoder mode, a capture unit): those of this tick, and the counter's
     /// total of steps of unknown direction, 0 for a counter that has none. A board calls one of the two, never both.
     #[inline]
-    pub fn tick_counts(&mut self, counts: i32, lost_steps: u32, sample: &Sample) -> (ActuatorCodes, Option<Output>) {
+    pub fn tick_counts(
+        &mut self,
+        counts: i32,
+        lost_steps: u32,
+        sample: &Sample,
+    ) -> (ActuatorCodes, Option<OutputFrame>) {
         self.check_state();
         if self.state.ticks_to_update() == 0 {
             self.slow_update(sample);
@@ -289,7 +294,7 @@ impl Board {
         }
     }
 
-    fn end_of_tick(&mut self, commands: &ActuatorCodes) -> Option<Output> {
+    fn end_of_tick(&mut self, commands: &ActuatorCodes) -> Option<OutputFrame> {
         self.frame.tick = self.frame.tick.wrapping_add(1);
         self.frame_ticks += 1;
         if self.frame_ticks < FRAME_TICKS {
@@ -298,7 +303,7 @@ impl Board {
         self.frame.lost_steps = self.lost_steps as u16;
         let given = self.frame;
         self.frame_ticks = 0;
-        self.frame = Output {
+        self.frame = OutputFrame {
             sequence: given.sequence.wrapping_add(1),
             tick: given.tick,
             temperature: given.temperature,
@@ -306,7 +311,7 @@ impl Board {
             current: commands.current,
             origin: self.origin,
             trial: self.trial,
-            ..Output::default()
+            ..OutputFrame::default()
         };
         Some(given)
     }
@@ -380,7 +385,7 @@ mod tests {
         Board::new(image, Origin::Newest, &loops, (false, false), None)
     }
 
-    fn frame(board: &mut Board) -> Output {
+    fn frame(board: &mut Board) -> OutputFrame {
         let sample = Sample { codes: [Some(20 << 24), None, None, None], ..Sample::default() };
         core::iter::repeat_with(|| board.tick_counts(3, 0, &sample).1).find_map(|frame| frame).unwrap()
     }

@@ -10,7 +10,7 @@ use sagnac_loops::{LoopTable, Stripper};
 
 use crate::board::{ActuatorCodes, Board};
 use crate::frame::{Frame, FrameReader};
-use crate::message::{Message, Output, POWER_ON, Reply, ReplyCode, RigSettings, Row};
+use crate::message::{Message, OutputFrame, POWER_ON, Reply, ReplyCode, RigSettings, Row};
 use crate::rig::Rig;
 use crate::upload::Upload;
 
@@ -40,7 +40,7 @@ impl TickHandler {
 
     /// One tick, if a row is running.
     #[inline]
-    pub fn tick(&mut self) -> Option<Output> {
+    pub fn tick(&mut self) -> Option<OutputFrame> {
         if self.rig.ticks_left() == 0 {
             return None;
         }

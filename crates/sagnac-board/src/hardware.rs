@@ -20,7 +20,7 @@ use embedded_hal::pwm::SetDutyCycle;
 use embedded_hal::spi::SpiDevice;
 
 use crate::board::{ActuatorCodes, Board, Sample};
-use crate::message::Output;
+use crate::message::OutputFrame;
 
 /// A counter of fringes in hardware: a timer in encoder mode, a capture unit, a counter of an FPGA.
 pub trait FringeCounter {
@@ -87,7 +87,7 @@ impl<N: FringeCounter, K: TickClock, V: Converters> Axis<N, K, V> {
 
     /// One tick, and before it those that were missed since the last call. `None` also for a call within the same tick.
     #[inline]
-    pub fn tick(&mut self) -> Option<Output> {
+    pub fn tick(&mut self) -> Option<OutputFrame> {
         let now = self.clock.ticks();
         let elapsed = difference::<K>(now, self.ticks);
         let missed = elapsed.checked_sub(1)?;

@@ -44,7 +44,9 @@ pub use handler::{Action, CommandHandler, TickHandler, run};
 pub use hardware::{Axis, Converters, FringeCounter, PwmOutput, SpiDac, TickClock};
 pub use line::Line;
 pub use memory_flash::{MemoryFlash, MemoryFlashError};
-pub use message::{Commit, Direction, KINDS, Kind, Message, OUTPUT_LEN, Output, POWER_ON, Piece, Reply, ReplyCode};
+pub use message::{
+    Commit, Direction, KINDS, Message, MessageKind, OUTPUT_LEN, OutputFrame, POWER_ON, Piece, Reply, ReplyCode,
+};
 #[cfg(feature = "rig")]
 pub use message::{RigSettings, Row};
 #[cfg(feature = "rig")]

@@ -13,7 +13,7 @@ use embedded_storage::nor_flash::NorFlash;
 use sagnac_core::{Banks, Gyro, Loaded, Trust};
 
 use crate::frame::{Frame, FrameReader};
-use crate::message::{Message, Output, POWER_ON, Reply, ReplyCode};
+use crate::message::{Message, OutputFrame, POWER_ON, Reply, ReplyCode};
 use crate::upload::Upload;
 
 /// Bytes that are read at once.
@@ -75,7 +75,7 @@ impl<L: Read + ReadReady + Write, F: NorFlash, T: Trust> Line<L, F, T> {
     ///
     /// # Errors
     /// Those of the port.
-    pub fn send(&mut self, output: Output) -> Result<(), L::Error> {
+    pub fn send(&mut self, output: OutputFrame) -> Result<(), L::Error> {
         write(&mut self.port, &Message::Output(output))
     }
 

@@ -33,7 +33,7 @@ pub enum Direction {
 /// A kind of message, for the C header and the page.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
-pub struct Kind {
+pub struct MessageKind {
     /// Its name in C.
     pub name: &'static str,
     /// Its name in words.
@@ -62,7 +62,7 @@ macro_rules! messages {
         }
 
         /// Every kind, in the order of its number.
-        pub const KINDS: &[Kind] = &[$($(#[cfg($condition)])? Kind {
+        pub const KINDS: &[MessageKind] = &[$($(#[cfg($condition)])? MessageKind {
             name: stringify!($name),
             label: $label,
             number: $number,
@@ -106,7 +106,7 @@ macro_rules! messages {
 
 messages! {
     /// Corrected counts and status, every 100 ticks.
-    OUTPUT = 0x01 "output", Output(Output), FromGyro, "33 bytes, below";
+    OUTPUT = 0x01 "output", Output(OutputFrame), FromGyro, "33 bytes, below";
     /// The result of a message, and which image runs.
     REPLY = 0x02 "reply", Reply(Reply), FromGyro, "7 bytes, below";
     /// A gyro with a key asks: sign this ([`sagnac_core::service_message`]) to open the service mode.
@@ -304,7 +304,7 @@ impl Payload for Piece {
 
 /// Frame that the gyro sends every [`crate::FRAME_TICKS`] ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Output {
+pub struct OutputFrame {
     /// Number of the frame, from 0, modulo 2¹⁶.
     pub sequence: u16,
     /// Ticks since power-on, at the end of the frame, modulo 2³².
@@ -333,7 +333,7 @@ pub struct Output {
     pub trial: bool,
 }
 
-impl Payload for Output {
+impl Payload for OutputFrame {
     fn put(&self, w: &mut Writer<'_>) -> Option<usize> {
         let has_sample = u8::from(self.temperature.is_some());
         Some(

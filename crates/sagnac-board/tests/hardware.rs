@@ -13,7 +13,7 @@ use proptest::prelude::*;
 use sagnac_board::frame::{Frame, FrameReader};
 use sagnac_board::{
     ActuatorCodes, Axis, Board, Commit, Converters, FringeCounter, LONGEST_PAUSE_TICKS, Line, MemoryFlash, Message,
-    Output, Piece, PwmOutput, Sample, SpiDac, TickClock,
+    OutputFrame, Piece, PwmOutput, Sample, SpiDac, TickClock,
 };
 use sagnac_core::{BankReport, Banks, Description, Gyro, Image, Loaded, MAX_IMAGE_LEN, NoKey, Origin, Status};
 use sagnac_loops::Stripper;
@@ -60,7 +60,7 @@ fn board(stripper: Option<Stripper>) -> Board {
 }
 
 /// Runs `calls` interrupts, each after so many ticks of so many counts; the sums of the frames and the bits they had.
-fn run<const BITS: u32>(pauses: impl Iterator<Item = u32>, counts: i64) -> (Vec<Output>, World) {
+fn run<const BITS: u32>(pauses: impl Iterator<Item = u32>, counts: i64) -> (Vec<OutputFrame>, World) {
     let world = World::default();
     world.position.set(-100);
     world.ticks.set((1 << BITS) - 5);
@@ -347,6 +347,6 @@ fn an_image_arrives_over_the_line() {
                 .iter()
                 .all(|message| matches!(message, Message::Reply(reply) if reply.code == sagnac_board::ReplyCode::Done))
     );
-    line.send(Output::default()).unwrap();
-    assert_eq!(port.said(), [Message::Output(Output::default())]);
+    line.send(OutputFrame::default()).unwrap();
+    assert_eq!(port.said(), [Message::Output(OutputFrame::default())]);
 }

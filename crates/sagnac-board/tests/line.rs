@@ -4,7 +4,7 @@ use crate::given::{PAPER, loops};
 use proptest::prelude::*;
 use sagnac_board::frame::{Frame, FrameReader, MAX_PAYLOAD};
 use sagnac_board::{
-    Board, CommandHandler, Commit, FRAME_TICKS, MemoryFlash, Message, OUTPUT_LEN, Output, Piece, Reply, ReplyCode,
+    Board, CommandHandler, Commit, FRAME_TICKS, MemoryFlash, Message, OUTPUT_LEN, OutputFrame, Piece, Reply, ReplyCode,
     RigSettings, Row, Sample, run,
 };
 use sagnac_core::{BankReport, Banks, Description, Gyro, Image, Loaded, Origin, Status, WatchSpec};
@@ -31,7 +31,7 @@ fn frames(bytes: &[u8]) -> (Vec<Frame>, u64) {
 fn message() -> impl Strategy<Value = Message> {
     prop_oneof![
         (any::<[i32; 6]>(), any::<u16>(), any::<u16>(), any::<[u8; 2]>()).prop_map(|(v, n, status, [p, l])| {
-            Message::Output(Output {
+            Message::Output(OutputFrame {
                 sequence: n,
                 tick: v[0] as u32,
                 counts: v[1],
@@ -211,7 +211,7 @@ fn a_new_image_takes_effect_between_two_ticks() {
         Message::RollBack,
     ]);
     let out = outputs(&input);
-    let of = |from: usize| -> Vec<&Output> {
+    let of = |from: usize| -> Vec<&OutputFrame> {
         let frames = out.iter().skip(from).filter_map(|m| if let Message::Output(o) = m { Some(o) } else { None });
         frames.take(1000).collect()
     };
@@ -237,7 +237,7 @@ fn dither_is_stripped() {
         RigSettings { dither_counts: 60, dither_step: 171_956_000, wavelength: 121_363, ..RigSettings::default() };
     let row = Row { ticks: 600_000, counts: 6000, present: 1, codes: [25 << 24, 0, 0, 0] };
     let out = outputs(&[Message::Settings(settings), Message::Row(row)]);
-    let frames: Vec<&Output> =
+    let frames: Vec<&OutputFrame> =
         out.iter().filter_map(|m| if let Message::Output(o) = m { Some(o) } else { None }).collect();
     assert_eq!(frames.len(), 6000);
     let sum: i32 = frames.iter().map(|o| o.raw).sum();
@@ -248,7 +248,11 @@ fn dither_is_stripped() {
 }
 
 /// Frames of a board over some ticks: the quarter fringes and the pickoff of each.
-fn on_board(origin: Origin, stripper: Option<Stripper>, ticks: impl Iterator<Item = (Vec<u8>, Sample)>) -> Vec<Output> {
+fn on_board(
+    origin: Origin,
+    stripper: Option<Stripper>,
+    ticks: impl Iterator<Item = (Vec<u8>, Sample)>,
+) -> Vec<OutputFrame> {
     let image = Image::decode(PAPER).unwrap();
     let mut board = Board::new(image, origin, &loops(), (false, false), stripper);
     let levels = |quarter: u8| (matches!(quarter & 3, 1 | 2), matches!(quarter & 3, 2 | 3));

@@ -329,7 +329,7 @@ fn odd_frames_are_reported() {
     let mut bytes = Vec::new();
     for (sequence, tick) in [(7, u32::MAX - 49), (8, 50), (9, 150), (3, 100), (4, 200)] {
         let status = sagnac_core::Status::from_bits(0x8001);
-        let output = sagnac_board::Output { sequence, tick, status, light_status: 0x24, ..Default::default() };
+        let output = sagnac_board::OutputFrame { sequence, tick, status, light_status: 0x24, ..Default::default() };
         let (frame, len) = Message::Output(output).frame().unwrap().bytes();
         bytes.extend_from_slice(&frame[..len]);
     }

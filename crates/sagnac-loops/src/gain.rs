@@ -21,14 +21,14 @@ const MOST_Q32: i64 = 1 << 61;
 
 /// A gain of `mantissa · 2^-shift`, in actuator codes per unit of error.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Gain {
+pub struct LoopGain {
     /// Below 2^30 in size.
     pub mantissa: i32,
     /// 0 to 62.
     pub shift: u8,
 }
 
-impl Gain {
+impl LoopGain {
     /// `error` times the gain, in 2^-32 codes: rounded to nearest, halves upward, limited to ±2^61; `|error| ≤ 2^30`.
     #[inline]
     pub(crate) fn times(self, error: i32) -> i64 {
@@ -74,14 +74,14 @@ impl Gain {
 
 #[cfg(test)]
 mod tests {
-    use super::Gain;
+    use super::LoopGain;
     use num_bigint::BigInt;
     use proptest::prelude::*;
 
     proptest! {
         #[test]
         fn products_are_the_nearest_2_pow_minus_32(mantissa in -(1 << 30) + 1..1 << 30, shift in 33_u8..=62, error in -(1 << 30)..=1 << 30) {
-            let gain = Gain { mantissa, shift };
+            let gain = LoopGain { mantissa, shift };
             let twice = BigInt::from(mantissa) * BigInt::from(error) * (BigInt::from(1) << (1 + 32));
             let got = (BigInt::from(gain.times(error)) * 2) << usize::from(shift);
             let away = got - twice;
@@ -93,7 +93,7 @@ mod tests {
         fn large_gains_are_exact_or_held(mantissa in -(1 << 30) + 1..1 << 30, shift in 0_u8..=32, error in -(1 << 30)..=1 << 30) {
             let exact = (BigInt::from(mantissa) * BigInt::from(error)) << usize::from(32 - shift);
             let most = BigInt::from(1_i64 << 61);
-            let got = BigInt::from(Gain { mantissa, shift }.times(error));
+            let got = BigInt::from(LoopGain { mantissa, shift }.times(error));
             let held = exact.clone().max(-most.clone()).min(most);
             // The limit is in whole units of the shift.
             prop_assert!((&got - &held).magnitude() >> usize::from(32 - shift) <= BigInt::from(1).magnitude().clone());
@@ -102,16 +102,16 @@ mod tests {
 
         #[test]
         fn a_gain_keeps_its_value(value in 1e-12_f64..1e6) {
-            let back = Gain::from_f64(-value).unwrap().to_f64();
+            let back = LoopGain::from_f64(-value).unwrap().to_f64();
             prop_assert!((back / -value - 1.0).abs() < 1.0 / 512.0);
         }
     }
 
     #[test]
     fn gains_that_do_not_fit_are_refused() {
-        assert_eq!(Gain::from_f64(1.1e9), None);
-        assert_eq!(Gain::from_f64(1e-17), None);
-        assert_eq!(Gain::from_f64(f64::NAN), None);
-        assert!(Gain::from_f64(0.0).is_some());
+        assert_eq!(LoopGain::from_f64(1.1e9), None);
+        assert_eq!(LoopGain::from_f64(1e-17), None);
+        assert_eq!(LoopGain::from_f64(f64::NAN), None);
+        assert!(LoopGain::from_f64(0.0).is_some());
     }
 }

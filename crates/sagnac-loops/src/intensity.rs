@@ -11,7 +11,7 @@
 //! is the ignition current; with light the integrator starts from that code.
 
 use crate::MAX_CODE;
-use crate::gain::{Gain, codes, held, q32};
+use crate::gain::{LoopGain, codes, held, q32};
 use crate::status::status;
 
 status! {
@@ -66,8 +66,8 @@ pub struct Intensity {
     /// Set point: sum of the codes of one update.
     pub(crate) set_point: i64,
     pub(crate) error_shift: u8,
-    pub(crate) kp: Gain,
-    pub(crate) ki: Gain,
+    pub(crate) kp: LoopGain,
+    pub(crate) ki: LoopGain,
     /// Current codes.
     pub(crate) least: i32,
     pub(crate) most: i32,

@@ -42,7 +42,7 @@ mod table;
 
 #[cfg(feature = "design")]
 pub use design::{DesignError, LoopGoal, PiGains, Plant, open_loop, pi_gains};
-pub use gain::Gain;
+pub use gain::LoopGain;
 pub use intensity::{Intensity, IntensityOutput, IntensityPhase, IntensityState, IntensityStatus};
 #[cfg(feature = "design")]
 pub use intensity::{IntensityConfig, IntensityDesign};

@@ -43,7 +43,7 @@
 //! Limit: a resonance between one and two times the modulation turns the second harmonic too. Such a loop refuses to lock;
 //! it cannot lock on a trough, because there the two turns cancel.
 
-use crate::gain::{Gain, codes, held, q32};
+use crate::gain::{LoopGain, codes, held, q32};
 use crate::lockin::{Detector, Reference, Sums};
 use crate::status::status;
 
@@ -121,8 +121,8 @@ pub struct PathLength {
     pub(crate) modulation: i32,
     /// Right shift from in-phase sums to errors of at most 2^30.
     pub(crate) error_shift: u8,
-    pub(crate) kp: Gain,
-    pub(crate) ki: Gain,
+    pub(crate) kp: LoopGain,
+    pub(crate) ki: LoopGain,
     /// Range of the actuator without the room for the modulation, codes.
     pub(crate) low: i32,
     pub(crate) high: i32,

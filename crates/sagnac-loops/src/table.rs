@@ -15,7 +15,7 @@ use core::fmt;
 use sagnac_core::bytes::{Reader, Writer, crc32};
 
 use crate::MAX_CODE;
-use crate::gain::Gain;
+use crate::gain::LoopGain;
 use crate::intensity::Intensity;
 use crate::lockin::{MAX_TICKS_PER_PERIOD, Reference};
 use crate::path_length::{MAX_EVIDENCE, MOST_CURVATURE_Q8, PathLength};
@@ -275,16 +275,16 @@ fn zeros<const N: usize>(bytes: [u8; N]) -> Option<()> {
     (bytes == [0; N]).then_some(())
 }
 
-fn write_gain(w: &mut Writer<'_>, gain: Gain) -> Option<()> {
+fn write_gain(w: &mut Writer<'_>, gain: LoopGain) -> Option<()> {
     w.put(gain.mantissa.to_le_bytes())?;
     w.put([gain.shift, 0, 0, 0])
 }
 
-fn read_gain(r: &mut Reader<'_>) -> Option<Gain> {
+fn read_gain(r: &mut Reader<'_>) -> Option<LoopGain> {
     let mantissa = r.i32()?;
     let [shift, rest @ ..] = r.take::<4>()?;
     zeros::<3>(rest)?;
-    Some(Gain { mantissa, shift })
+    Some(LoopGain { mantissa, shift })
 }
 
 fn write_path(w: &mut Writer<'_>, path: &PathLength) -> Option<()> {

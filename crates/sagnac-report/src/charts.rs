@@ -31,12 +31,12 @@ pub struct ChartPage {
     /// Tables after the figures.
     pub tables: Vec<PageTable>,
     /// Entries at the end, each reached by a link to its id.
-    pub entries: Vec<Entry>,
+    pub entries: Vec<ChartEntry>,
 }
 
 /// An entry of a page.
 #[derive(Clone, Debug, Default)]
-pub struct Entry {
+pub struct ChartEntry {
     /// Unique on the page: letters, digits, - _ . and =.
     pub id: String,
     /// Heading.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use sagnac::fleet::{
-    Acceptance, AxisResult, Capability, ControlChart, Odd, Outcome, Quality, Quantity, RigEffect, Rule, UnitResult,
+    Acceptance, AxisResult, Capability, ControlChart, Odd, Quality, Quantity, RigEffect, Rule, UnitOutcome, UnitResult,
     Yield,
 };
 use sagnac::verify::SPECS;
@@ -11,7 +11,7 @@ use sagnac_log::error::Result;
 use sagnac_log::setup::RateUnit;
 use sagnac_units::format::{counted, significant, unit, with_sigma};
 
-use crate::charts::{Band, Chart, ChartPage, Curve, Entry, PageTable, chart_report};
+use crate::charts::{Band, Chart, ChartEntry, ChartPage, Curve, PageTable, chart_report};
 use crate::report::Report;
 
 /// Values of a chart that are all drawn; of more, the lowest and highest of each stretch.
@@ -163,14 +163,14 @@ impl<'a> Named<'a> {
 
     /// Those without a record or not accepted.
     fn not_good(&self) -> PageTable {
-        let is_good = |of: &UnitResult| of.outcome == Outcome::Calibrated && !of.acceptance.is_bad();
+        let is_good = |of: &UnitResult| of.outcome == UnitOutcome::Calibrated && !of.acceptance.is_bad();
         let shown = || self.units.iter().filter(|(of, _)| !is_good(of));
         let rows = shown().map(|(of, why)| [of.unit.clone(), of.lot.clone(), of.rig.clone(), why.join("; ")]);
         let entries = shown().map(|(of, _)| self.id_of(&of.unit)).collect();
         PageTable { entries, ..table("Units to look at", ["unit", "lot", "rig", "why"], rows) }
     }
 
-    fn entries(&self, units: RateUnit) -> Vec<Entry> {
+    fn entries(&self, units: RateUnit) -> Vec<ChartEntry> {
         let entry = |(of, why): &(&UnitResult, Vec<String>)| {
             let mut words = why.clone();
             let known = |name: &str, value: &str| (!value.is_empty()).then(|| format!("{name} {value}"));
@@ -190,7 +190,7 @@ impl<'a> Named<'a> {
                 .flat_map(|axis| axis_tables(axis, units))
                 .filter(|table| !table.rows.is_empty())
                 .collect();
-            Entry { id: format!("unit-{}", of.unit), heading: of.unit.clone(), words, tables }
+            ChartEntry { id: format!("unit-{}", of.unit), heading: of.unit.clone(), words, tables }
         };
         self.units.iter().map(entry).collect()
     }

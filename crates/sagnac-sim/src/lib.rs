@@ -68,10 +68,10 @@ pub use plant::{Bode, BodePoint, LoopAverages, LoopDesign, LoopName, LoopState, 
 pub use profile::{Leg, Profile};
 pub use rigs::{Factory, LaggedChamber, ManyInputs, PaperRig, RateTable, Resting, Row, csv_bytes, write_csv};
 pub use scenario::{
-    Actuator, AxisDirection, BeatModel, BiasConfig, BlockConfig, CavityConfig, ChamberConfig, ChamberLeg, Counting,
-    DitherConfig, ElectronicsConfig, Fault, FaultKind, Fidelity, GeometryConfig, InputConfig, IntensityControlConfig,
-    KeyDoc, LoopModel, NoiseConfig, PathLengthControlConfig, RateTableLeg, ReadoutConfig, RunConfig, ScaleFactorConfig,
-    Scenario, ScenarioError, SensorLocation, TICK_S, TableDoc, ThermometerConfig, manual,
+    Actuator, AxisDirection, BeatModel, BiasConfig, BlockConfig, CavityConfig, ChamberConfig, ChamberLeg,
+    CountsPerFringe, DitherConfig, ElectronicsConfig, Fault, FaultKind, Fidelity, GeometryConfig, InputConfig,
+    IntensityControlConfig, KeyDoc, LoopModel, NoiseConfig, PathLengthControlConfig, RateTableLeg, ReadoutConfig,
+    RunConfig, ScaleFactorConfig, Scenario, ScenarioError, SensorLocation, TICK_S, TableDoc, ThermometerConfig, manual,
 };
 pub use thermal::Temperatures;
 

@@ -2,9 +2,9 @@
 //! measured with these seeds.
 
 use crate::gyros::{mean_dph, triangle, walk_deg_rt_h};
-use sagnac_loops::{Counting as LoopCounting, Quadrature, QuadratureState};
+use sagnac_loops::{Counting, Quadrature, QuadratureState};
 use sagnac_sim::physics::{adler_mean_dph, dithered_arw_deg_rt_h};
-use sagnac_sim::{Beat, BeatModel, Counting, RingShape, Scenario};
+use sagnac_sim::{Beat, BeatModel, CountsPerFringe, RingShape, Scenario};
 
 /// Without dither.
 fn still(lock_in_dph: f64, model: BeatModel) -> Scenario {
@@ -21,7 +21,7 @@ fn the_papers_beat() {
     scenario.geometry.shape = RingShape::Circle;
     scenario.geometry.perimeter_m = std::f64::consts::TAU * 0.1;
     scenario.geometry.wavelength_um = 0.6333;
-    scenario.readout.counting = Counting::X1;
+    scenario.readout.counting = CountsPerFringe::X1;
     let beat = Beat::build(&scenario).unwrap();
     let mut state = beat.start(1);
     let counts: i64 = (0..1_000_000).map(|_| i64::from(beat.tick(&mut state, 10.0).raw)).sum();
@@ -128,7 +128,7 @@ fn counting_is_that_of_the_target() {
     let mut scenario = still(100.0, BeatModel::Adler);
     scenario.readout.phase_error_deg = 20.0;
     for (counting, of_target) in
-        [(Counting::X1, LoopCounting::X1), (Counting::X2, LoopCounting::X2), (Counting::X4, LoopCounting::X4)]
+        [(CountsPerFringe::X1, Counting::X1), (CountsPerFringe::X2, Counting::X2), (CountsPerFringe::X4, Counting::X4)]
     {
         scenario.readout.counting = counting;
         let beat = Beat::build(&scenario).unwrap();

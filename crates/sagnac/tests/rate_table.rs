@@ -100,7 +100,9 @@ fn the_correction_inverts_a_scale_factor_of_some_per_cent() {
         };
         for step in 0..8_u32 {
             let plateau_c = f64::from(step) * 10.0 - 20.0;
-            [0.0, 20.0, -20.0, 0.0].map(|dps| rows(900, dps, &|_| plateau_c));
+            for dps in [0.0, 20.0, -20.0, 0.0] {
+                rows(900, dps, &|_| plateau_c);
+            }
             rows(2400, 0.0, &|second| plateau_c + f64::from(second) / 240.0);
         }
         let csv = csv.into_bytes();

@@ -26,7 +26,7 @@ use cortex_m::interrupt::{Mutex, free};
 use cortex_m::peripheral::{NVIC, SCB};
 use cortex_m_rt::{entry, exception};
 use heapless::Deque;
-use sagnac_board::{Axis, Board, Line, Output};
+use sagnac_board::{Axis, Board, Line, OutputFrame};
 use sagnac_core::{Banks, NoKey};
 use sagnac_loops::LoopTable;
 use stm32f4::stm32f407::{IWDG, Interrupt, Peripherals, TIM4, interrupt};
@@ -46,7 +46,7 @@ const WATCHDOG_RELOAD: u16 = 2000;
 /// What the tick's interrupt and the main loop share.
 struct Shared {
     axis: Axis<Encoder, Ticks, Desk>,
-    frames: Deque<Output, WAITING>,
+    frames: Deque<OutputFrame, WAITING>,
     ticks: u32,
 }
 

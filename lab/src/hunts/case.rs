@@ -1,7 +1,7 @@
 //! A case of the hunt.
 
 /// A command on files.
-pub(crate) struct Case {
+pub(crate) struct HuntCase {
     pub(super) number: u64,
     pub(super) kind: &'static str,
     pub(super) args: Vec<String>,

@@ -6,7 +6,7 @@ use anyhow::{Context, Result};
 use sagnac_sim::{LaggedChamber, csv_bytes};
 use tempfile::TempDir;
 
-use super::case::Case;
+use super::case::HuntCase;
 use super::chance::Chance;
 use super::documents::{image, json, stream, toml};
 use super::logs::log;
@@ -133,7 +133,7 @@ const KINDS: [(&str, usize); 10] = [
 ];
 
 /// The case of a number.
-pub(super) fn case(number: u64, with: &Materials) -> Result<Case> {
+pub(super) fn case(number: u64, with: &Materials) -> Result<HuntCase> {
     let chance = &mut Chance::of(number);
     let all: usize = KINDS.iter().map(|(_, weight)| weight).sum();
     let mut at = chance.below(all);
@@ -240,7 +240,7 @@ pub(super) fn case(number: u64, with: &Materials) -> Result<Case> {
         _ => arguments(chance),
     };
     let args = words(&line).into_iter().map(|word| word.replace('\0', "")).collect();
-    Ok(Case { number, kind, args, files, outputs: OUTPUTS.to_vec() })
+    Ok(HuntCase { number, kind, args, files, outputs: OUTPUTS.to_vec() })
 }
 
 /// Flags of every command that reads logs.

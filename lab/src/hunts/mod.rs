@@ -25,7 +25,7 @@ use anyhow::{Context, Result, bail, ensure};
 use tempfile::TempDir;
 use xtask::shell::root;
 
-use crate::hunts::case::Case;
+use crate::hunts::case::HuntCase;
 use crate::hunts::commands::{Materials, case};
 use crate::program::Program;
 
@@ -143,7 +143,7 @@ fn hunter(program: &Program, materials: &Materials, next: &AtomicU64, seen: &Mut
 }
 
 /// A folder with the files of a case.
-fn prepared(case: &Case) -> Result<TempDir> {
+fn prepared(case: &HuntCase) -> Result<TempDir> {
     let folder = TempDir::new()?;
     for (name, bytes) in &case.files {
         fs::write(folder.path().join(name), bytes)?;
@@ -171,7 +171,7 @@ fn found() -> PathBuf {
 const COMMAND: &str = "command.txt";
 
 /// Puts a finding where the next hunt, and CI, begins.
-fn keep(case: &Case) -> Result<()> {
+fn keep(case: &HuntCase) -> Result<()> {
     let folder = found().join(format!("{}-{}", case.kind, case.number));
     fs::create_dir_all(&folder)?;
     for (name, bytes) in &case.files {
@@ -199,7 +199,7 @@ fn found_again(program: &Program) -> Result<usize> {
     Ok(folders.len())
 }
 
-fn kept(folder: &Path) -> Result<Case> {
+fn kept(folder: &Path) -> Result<HuntCase> {
     let mut files = Vec::new();
     for entry in fs::read_dir(folder)? {
         let path = entry?.path();
@@ -209,5 +209,5 @@ fn kept(folder: &Path) -> Result<Case> {
         }
     }
     let args = fs::read_to_string(folder.join(COMMAND))?.split('\n').map(str::to_owned).collect();
-    Ok(Case { number: 0, kind: "found", args, files, outputs: commands::OUTPUTS.to_vec() })
+    Ok(HuntCase { number: 0, kind: "found", args, files, outputs: commands::OUTPUTS.to_vec() })
 }

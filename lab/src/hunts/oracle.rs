@@ -9,7 +9,7 @@ use anyhow::{Context, Result};
 use sagnac_log::ingest::sha256;
 use tempfile::NamedTempFile;
 
-use super::case::Case;
+use super::case::HuntCase;
 use crate::program::Program;
 
 /// Processor time of a run, s, after which it counts as endless. An answer is due in 10 s of the program that is shipped; this one is
@@ -41,7 +41,7 @@ impl Outcome {
 }
 
 /// Runs a case in its folder, and says what is wrong with how it ended.
-pub(super) fn judge(case: &Case, program: &Program, folder: &Path) -> Result<(Outcome, Vec<String>)> {
+pub(super) fn judge(case: &HuntCase, program: &Program, folder: &Path) -> Result<(Outcome, Vec<String>)> {
     let before = contents(folder)?;
     let outcome = run(program, folder, &case.args)?;
     let after = contents(folder)?;
@@ -86,7 +86,7 @@ fn run(program: &Program, folder: &Path, args: &[String]) -> Result<Outcome> {
 }
 
 /// Status, message, memory, and what was said.
-fn ended_well(case: &Case, outcome: &Outcome) -> Vec<String> {
+fn ended_well(case: &HuntCase, outcome: &Outcome) -> Vec<String> {
     let said = String::from_utf8_lossy(&outcome.stderr);
     let first = said.lines().next().unwrap_or_default();
     let all: u64 = (outcome.stdout.len() + outcome.stderr.len()) as u64;
@@ -125,7 +125,7 @@ fn ended_well(case: &Case, outcome: &Outcome) -> Vec<String> {
 
 /// Inputs as they were; after an error nothing new; in what was written no raw control character and no figure that is none.
 fn files_are_sound(
-    case: &Case,
+    case: &HuntCase,
     before: &BTreeMap<String, [u8; 32]>,
     after: &BTreeMap<String, [u8; 32]>,
     outcome: &Outcome,
@@ -226,7 +226,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         fs::write(folder.path().join("log.csv"), "time_s\n").unwrap();
         let case =
-            Case { number: 0, kind: "test", args: vec!["calibrate".into()], files: vec![], outputs: vec!["out"] };
+            HuntCase { number: 0, kind: "test", args: vec!["calibrate".into()], files: vec![], outputs: vec!["out"] };
         judge(&case, &Program::at(&program), folder.path()).unwrap().1
     }
 

@@ -1,4 +1,4 @@
-//! The project's source as text: its packages, the modules of a crate, the paths in a file, and the words of its sentences.
+//! The project's source as text: its packages, the modules of a crate, the paths in a file, the names of its types, and the words of its sentences.
 
 #[cfg(test)]
 mod book;
@@ -7,5 +7,7 @@ pub(crate) mod packages;
 pub(crate) mod paths;
 #[cfg(test)]
 mod quoted;
+#[cfg(test)]
+mod types;
 #[cfg(test)]
 mod words;

@@ -6,7 +6,7 @@
 //! gets its code: `compensate` on the log then makes of each row what the target made of it. Where no frame follows, the row has its own frame's code.
 
 use sagnac_board::frame::FrameReader;
-use sagnac_board::{FRAME_TICKS, Message, Output, POWER_ON, Reply};
+use sagnac_board::{FRAME_TICKS, Message, OutputFrame, POWER_ON, Reply};
 use sagnac_log::ingest::Content;
 use sagnac_log::setup::{Setup, ThermometerSetup};
 use sagnac_log::{Error, Result};
@@ -31,7 +31,7 @@ pub(crate) struct Frames {
 
 /// A row that waits for the code of the next frame.
 struct Waiting {
-    output: Output,
+    output: OutputFrame,
     ticks: u64,
     time_ns: i64,
     at_ns: i64,
@@ -101,7 +101,7 @@ impl Frames {
         }
     }
 
-    fn output(&mut self, output: &Output, at_ns: i64, rows: &mut Rows) {
+    fn output(&mut self, output: &OutputFrame, at_ns: i64, rows: &mut Rows) {
         self.output.follow(output);
         rows.counts.missing_frames = self.output.missing;
         let ticks = i64::try_from(self.output.ticks).unwrap_or(i64::MAX);

@@ -26,7 +26,7 @@ pub use rows_made::{Counts, Event};
 use crate::decode::frames::Frames;
 use crate::decode::rows_made::{Polled, Rows};
 use crate::decode::text::Text;
-use crate::journal::{Entry, Kind};
+use crate::journal::{Entry, EntryKind};
 use crate::source::{BytePlace, Connection};
 use crate::start::Start;
 
@@ -69,7 +69,7 @@ impl Decoder {
         let at_ns = entry.arrival_ns;
         let text = || String::from_utf8_lossy(&entry.payload).into_owned();
         match (entry.kind, entry.source) {
-            (Kind::Bytes, 0) => {
+            (EntryKind::Bytes, 0) => {
                 self.rows.counts.bytes += entry.payload.len() as u64;
                 self.place.follow(entry);
                 match &mut self.format {
@@ -77,20 +77,20 @@ impl Decoder {
                     Format::Frames(frames) => frames.push(&entry.payload, at_ns, &mut self.rows),
                 }
             }
-            (Kind::Bytes, source) => {
+            (EntryKind::Bytes, source) => {
                 self.rows.answer(usize::from(source) - 1, &entry.payload, at_ns);
             }
-            (Kind::Connected, source) => {
+            (EntryKind::Connected, source) => {
                 if source == 0 {
                     self.connected(entry);
                 }
                 self.rows.say(at_ns, format!("connected: {}", Connection::of(entry).to));
             }
-            (Kind::Lost, source) => {
+            (EntryKind::Lost, source) => {
                 let name = self.names.get(usize::from(source)).map_or("", String::as_str);
                 self.rows.say(at_ns, format!("{name} lost: {}", text()));
             }
-            (Kind::Ended, source) => {
+            (EntryKind::Ended, source) => {
                 self.flush();
                 if let (Format::Text(text), 0) = (&mut self.format, source) {
                     text.ended(at_ns, &mut self.rows);
@@ -98,16 +98,16 @@ impl Decoder {
                 let name = self.names.get(usize::from(source)).cloned().unwrap_or_default();
                 self.rows.say(at_ns, format!("{name} has ended"));
             }
-            (Kind::Resumed, _) => {
+            (EntryKind::Resumed, _) => {
                 self.flush();
                 self.rows.say(at_ns, "the recording goes on");
             }
-            (Kind::Stopped, _) => {
+            (EntryKind::Stopped, _) => {
                 self.flush();
                 self.rows.say(at_ns, "the recording was ended");
             }
-            (Kind::Note, _) => self.rows.say(at_ns, text()),
-            (Kind::Start, _) => {}
+            (EntryKind::Note, _) => self.rows.say(at_ns, text()),
+            (EntryKind::Start, _) => {}
         }
     }
 

@@ -42,7 +42,7 @@ use crate::live::minutes::Minutes;
 use crate::live::seconds::{Columns, Seconds};
 use crate::live::study::Studies;
 use crate::live::trend::Trend;
-use crate::live::warnings::Watch;
+use crate::live::warnings::MinuteWatch;
 use crate::record::no_thread;
 use crate::rows::JournalRows;
 
@@ -90,7 +90,7 @@ pub struct Now {
 
 /// Everything that is known now.
 #[derive(Clone, Debug, Default)]
-pub struct State {
+pub struct LiveState {
     /// Names of the columns.
     pub names: Names,
     /// The newest values.
@@ -123,7 +123,7 @@ pub struct Versions {
     pub events: u64,
 }
 
-impl State {
+impl LiveState {
     /// The last minutes, second by second.
     pub fn seconds(&self) -> Vec<TrendPoint> {
         self.trend.seconds()
@@ -142,26 +142,26 @@ impl State {
 
 /// What is known, shared with those who show it.
 #[derive(Clone, Debug, Default)]
-pub struct Live(Arc<(Mutex<State>, Condvar)>);
+pub struct Live(Arc<(Mutex<LiveState>, Condvar)>);
 
 impl Live {
-    fn lock(&self) -> MutexGuard<'_, State> {
+    fn lock(&self) -> MutexGuard<'_, LiveState> {
         lock(&self.0.0)
     }
 
     /// Looks at what is known.
-    pub fn look<T>(&self, look: impl FnOnce(&State) -> T) -> T {
+    pub fn look<T>(&self, look: impl FnOnce(&LiveState) -> T) -> T {
         look(&self.lock())
     }
 
-    fn change(&self, change: impl FnOnce(&mut State)) {
+    fn change(&self, change: impl FnOnce(&mut LiveState)) {
         change(&mut self.lock());
         self.0.1.notify_all();
     }
 
     /// Waits until something is newer, or so long.
     pub fn wait(&self, known: Versions, time: Duration) -> Versions {
-        let same = |state: &mut State| state.versions == known;
+        let same = |state: &mut LiveState| state.versions == known;
         let waited = self.0.1.wait_timeout_while(self.lock(), time, same);
         waited.unwrap_or_else(PoisonError::into_inner).0.versions
     }
@@ -236,7 +236,7 @@ impl Live {
 struct Monitor {
     live: Live,
     setup: Setup,
-    made: Option<(Seconds, Minutes, Watch)>,
+    made: Option<(Seconds, Minutes, MinuteWatch)>,
 }
 
 impl Monitor {
@@ -255,7 +255,7 @@ impl Monitor {
             };
             self.live.change(|state| state.names = names);
             let window_s = self.setup.window.and_then(sagnac_log::setup::WindowSize::seconds).unwrap_or(WINDOW_S);
-            self.made = Some((Seconds::new(columns.clone()), Minutes::default(), Watch::new(columns, window_s)));
+            self.made = Some((Seconds::new(columns.clone()), Minutes::default(), MinuteWatch::new(columns, window_s)));
         }
         self.heard(rows);
         let Some((seconds, minutes, watch)) = &mut self.made else { return };

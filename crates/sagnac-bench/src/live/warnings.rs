@@ -99,7 +99,7 @@ pub struct Warning {
 const MOST_WARNINGS: usize = 200;
 
 /// Looks at minutes.
-pub(crate) struct Watch {
+pub(crate) struct MinuteWatch {
     columns: Columns,
     window_s: f64,
     history: VecDeque<Minute>,
@@ -114,7 +114,7 @@ pub(crate) struct Watch {
 /// A rule's finding.
 type Finding = (WarningKind, String, String);
 
-impl Watch {
+impl MinuteWatch {
     pub(crate) fn new(columns: Columns, window_s: f64) -> Self {
         let axes = columns.axes.len();
         let own = columns.thermometers.iter().map(|t| !t.is_of_instrument).collect();

@@ -35,7 +35,7 @@ use tokio_stream::wrappers::BroadcastStream;
 use tokio_stream::wrappers::errors::BroadcastStreamRecvError;
 use tokio_stream::{Stream, StreamExt};
 
-use crate::live::{Live, Names, Now, State, Study, TrendPoint, Versions, Warning};
+use crate::live::{Live, LiveState, Names, Now, Study, TrendPoint, Versions, Warning};
 use crate::record::{SourceState, SourceStatus, Sources, no_thread};
 use crate::source::{ArrivalClock, Stop};
 
@@ -344,7 +344,7 @@ struct Whole<'a> {
     events: EventsTold<'a>,
 }
 
-fn now_told<'a>(page: &PageOf, state: &'a State, points: Vec<TrendPoint>) -> NowTold<'a> {
+fn now_told<'a>(page: &PageOf, state: &'a LiveState, points: Vec<TrendPoint>) -> NowTold<'a> {
     NowTold {
         names: &state.names,
         now: &state.now,

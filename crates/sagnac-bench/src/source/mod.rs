@@ -23,7 +23,7 @@ use std::time::{Duration, Instant, SystemTime};
 
 use serde::{Deserialize, Serialize};
 
-use crate::journal::{Entry, Kind};
+use crate::journal::{Entry, EntryKind};
 
 /// Time to wait for bytes before a source looks whether it is to stop.
 pub(crate) const PATIENCE: Duration = Duration::from_millis(200);
@@ -96,10 +96,10 @@ impl BytePlace {
     /// Follows an entry of the first source.
     pub(crate) fn follow(&mut self, entry: &Entry) {
         match entry.kind {
-            Kind::Connected if entry.source == 0 => {
+            EntryKind::Connected if entry.source == 0 => {
                 self.0 = Connection::of(entry).from_byte;
             }
-            Kind::Bytes if entry.source == 0 => self.0 = self.0.map(|place| place + entry.payload.len() as u64),
+            EntryKind::Bytes if entry.source == 0 => self.0 = self.0.map(|place| place + entry.payload.len() as u64),
             _ => {}
         }
     }
@@ -120,9 +120,9 @@ impl GoOn {
     /// Follows the entries of the first source with their place behind them.
     pub(crate) fn follow(&mut self, entry: &Entry, place: BytePlace) {
         let Some(place) = place.0.filter(|_| entry.source == 0) else { return };
-        if entry.kind == Kind::Connected && place != self.place {
+        if entry.kind == EntryKind::Connected && place != self.place {
             self.tail.clear();
-        } else if entry.kind == Kind::Bytes {
+        } else if entry.kind == EntryKind::Bytes {
             self.tail.extend_from_slice(&entry.payload);
             self.tail.drain(..self.tail.len().saturating_sub(TAIL_BYTES));
         }

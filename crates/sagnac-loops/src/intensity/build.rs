@@ -3,7 +3,7 @@
 use super::Intensity;
 use crate::MAX_CODE;
 use crate::design::{DesignError, LoopGoal, PiGains, Plant, pi_gains, within};
-use crate::gain::Gain;
+use crate::gain::LoopGain;
 
 /// Configuration in SI units.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,7 +68,7 @@ impl IntensityConfig {
             delay_s: period_s,
         };
         let ideal = pi_gains(plant, period_s, self.goal)?;
-        let gain = |name, value| Gain::from_f64(value).ok_or(DesignError::Gain { name, value });
+        let gain = |name, value| LoopGain::from_f64(value).ok_or(DesignError::Gain { name, value });
         let (kp, ki) = (gain("kp", ideal.kp)?, gain("ki", ideal.ki)?);
         let code = |ma: f64| libm::round(ma * self.current_codes_per_ma) as i32;
         let updates = |seconds: f64| libm::ceil(seconds / period_s).clamp(1.0, 1e9) as u32;

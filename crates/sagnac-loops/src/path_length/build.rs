@@ -3,7 +3,7 @@
 use super::{MAX_EVIDENCE, MOST_CURVATURE_Q8, PathLength};
 use crate::MAX_CODE;
 use crate::design::{DesignError, LoopGoal, PiGains, Plant, open_loop, pi_gains, within};
-use crate::gain::Gain;
+use crate::gain::LoopGain;
 use crate::lockin::{MAX_TICKS_PER_PERIOD, Reference};
 
 /// Configuration in SI units.
@@ -92,7 +92,7 @@ impl PathLengthConfig {
         let error_shift = self.error_shift(ticks)?;
         let plant = self.plant(&reference, error_shift, period_s, &answer)?;
         let ideal = pi_gains(plant, period_s, self.goal)?;
-        let gain = |name, value| Gain::from_f64(value).ok_or(DesignError::Gain { name, value });
+        let gain = |name, value| LoopGain::from_f64(value).ok_or(DesignError::Gain { name, value });
         let (kp, ki) = (gain("kp", ideal.kp)?, gain("ki", ideal.ki)?);
         let evidence = self.evidence(&reference, &answer)?;
         let pi = PiGains { kp: kp.to_f64(), ki: ki.to_f64(), ..ideal };

@@ -30,7 +30,7 @@ use crate::beat::adler::Adler;
 use crate::beat::swing::{Swing, SwingState};
 use crate::beat::two_mode::{TwoMode, TwoModeState};
 use crate::random::{Stream, generator, normal};
-use crate::scenario::{BeatModel, Counting, Scenario, ScenarioError, TICK_S};
+use crate::scenario::{BeatModel, CountsPerFringe, Scenario, ScenarioError, TICK_S};
 
 /// Codes of the dither pickoff per arcsec.
 const PICKOFF_CODES_PER_ARCSEC: f64 = 1e4;
@@ -52,7 +52,7 @@ pub struct Beat {
     frequency_ppm_per_c: f64,
     /// rad per arcsec.
     k: f64,
-    counting: Counting,
+    counting: CountsPerFringe,
     /// Phase of the second photodiode's first edge, fringes.
     second_edge: f64,
     /// Longest dither period of the stripper, ticks; `None` without dither.
@@ -229,9 +229,11 @@ impl Beat {
         let within = fraction - whole;
         let passed = |edge: f64| i64::from(within >= edge);
         match self.counting {
-            Counting::X1 => fringes,
-            Counting::X2 => 2 * fringes + passed(0.5),
-            Counting::X4 => 4 * fringes + passed(self.second_edge) + passed(0.5) + passed(0.5 + self.second_edge),
+            CountsPerFringe::X1 => fringes,
+            CountsPerFringe::X2 => 2 * fringes + passed(0.5),
+            CountsPerFringe::X4 => {
+                4 * fringes + passed(self.second_edge) + passed(0.5) + passed(0.5 + self.second_edge)
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use sagnac_loops::{DesignError, IntensityConfig, IntensityDesign, LoopGoal, PathLengthConfig, PathLengthDesign};
 
-use crate::plant::Plant;
+use crate::plant::PlantConstants;
 use crate::scenario::{Scenario, ScenarioError, TICK_S};
 
 /// Both loops as designed for a scenario, and the plant they were designed for. Nothing in it changes during a run.
@@ -13,7 +13,7 @@ pub struct LoopDesign {
     pub path_length: PathLengthDesign,
     /// Intensity loop.
     pub intensity: IntensityDesign,
-    pub(crate) plant: Plant,
+    pub(crate) plant: PlantConstants,
 }
 
 impl LoopDesign {
@@ -22,7 +22,7 @@ impl LoopDesign {
     /// # Errors
     /// A loop that cannot be built, with the key to change.
     pub fn build(scenario: &Scenario) -> Result<Self, ScenarioError> {
-        let plant = Plant::build(scenario);
+        let plant = PlantConstants::build(scenario);
         let path_length = path_config(scenario, &plant)?.build().map_err(|e| in_scenario("path_length", &e))?;
         let update_ticks = u16::from(path_length.integers.ticks_per_period());
         let intensity = light_config(scenario, &plant, update_ticks)?.build();
@@ -31,7 +31,7 @@ impl LoopDesign {
     }
 }
 
-fn path_config(scenario: &Scenario, plant: &Plant) -> Result<PathLengthConfig, ScenarioError> {
+fn path_config(scenario: &Scenario, plant: &PlantConstants) -> Result<PathLengthConfig, ScenarioError> {
     let path = &scenario.path_length;
     if path.range_high <= path.range_low {
         let message = format!("is {}, not above range_low", path.range_high);
@@ -66,7 +66,11 @@ fn path_config(scenario: &Scenario, plant: &Plant) -> Result<PathLengthConfig, S
     })
 }
 
-fn light_config(scenario: &Scenario, plant: &Plant, update_ticks: u16) -> Result<IntensityConfig, ScenarioError> {
+fn light_config(
+    scenario: &Scenario,
+    plant: &PlantConstants,
+    update_ticks: u16,
+) -> Result<IntensityConfig, ScenarioError> {
     let light = &scenario.intensity;
     if !(light.low_ma < light.nominal_ma && light.nominal_ma < light.high_ma) {
         let message = format!("is {}, not between low_ma and high_ma", light.nominal_ma);

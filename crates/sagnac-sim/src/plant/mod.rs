@@ -36,7 +36,7 @@ const LOSS_SPAN_C: [f64; 2] = [-40.0, 70.0];
 
 /// Constants of the plant.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Plant {
+pub(crate) struct PlantConstants {
     pub(crate) waves_per_unit: f64,
     codes_per_unit: f64,
     pub(crate) range: [f64; 2],
@@ -69,7 +69,7 @@ fn step_fraction(lag_s: f64) -> f64 {
     if lag_s > 0.0 { 1.0 - libm::exp(-TICK_S / lag_s) } else { 1.0 }
 }
 
-impl Plant {
+impl PlantConstants {
     fn build(scenario: &Scenario) -> Self {
         let path: &PathLengthControlConfig = &scenario.path_length;
         let light: &IntensityControlConfig = &scenario.intensity;

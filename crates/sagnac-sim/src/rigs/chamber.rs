@@ -9,7 +9,7 @@
 
 use crate::profile::{Leg, Profile};
 use crate::rigs::Row;
-use crate::rigs::counter::Counter;
+use crate::rigs::counter::RigCounter;
 
 /// Parameters of gyro, block and chamber.
 #[derive(Clone, Debug, PartialEq)]
@@ -66,7 +66,7 @@ impl LaggedChamber {
     pub fn run(&self, seed: u64) -> impl Iterator<Item = Row> + use<> {
         let gyro = self.clone();
         let profile = Profile::new(self.start_c, &self.legs, 1);
-        let mut counter = Counter::new(seed, gyro.arw_deg_rt_h);
+        let mut counter = RigCounter::new(seed, gyro.arw_deg_rt_h);
         let mut block_c = gyro.start_c;
         let keep = libm::exp(-1.0 / gyro.block_lag_s);
         let rows = profile.length_s() as u32 / gyro.row_s;

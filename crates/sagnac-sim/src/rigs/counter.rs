@@ -7,7 +7,7 @@ use rand_distr::{Distribution, StandardNormal};
 use crate::physics::ARCSEC_RT_S_PER_DEG_RT_H;
 
 /// Accumulates angle and white noise; returns whole counts.
-pub(crate) struct Counter {
+pub(crate) struct RigCounter {
     rng: ChaCha8Rng,
     arw_arcsec_rt_s: f64,
     /// Angle so far, counts.
@@ -16,7 +16,7 @@ pub(crate) struct Counter {
     returned: f64,
 }
 
-impl Counter {
+impl RigCounter {
     pub(crate) fn new(seed: u64, arw_deg_rt_h: f64) -> Self {
         let arw_arcsec_rt_s = arw_deg_rt_h * ARCSEC_RT_S_PER_DEG_RT_H;
         Self { rng: ChaCha8Rng::seed_from_u64(seed), arw_arcsec_rt_s, total: 0.0, returned: 0.0 }

@@ -19,7 +19,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
 use crate::profile::{Leg, Profile};
-use crate::rigs::counter::Counter;
+use crate::rigs::counter::RigCounter;
 
 /// Growth of the path with block temperature, wavelengths per °C.
 const WAVES_PER_C: f64 = 0.08;
@@ -170,7 +170,7 @@ impl ManyInputs {
 
 /// Memory of a run.
 struct State {
-    counter: Counter,
+    counter: RigCounter,
     rng: ChaCha8Rng,
     /// Temperatures of block and cavity.
     nodes_c: [f64; 2],
@@ -191,7 +191,7 @@ struct SecondRow {
 impl State {
     fn start(rig: &ManyInputs, seed: u64) -> Self {
         Self {
-            counter: Counter::new(seed, rig.arw_deg_rt_h),
+            counter: RigCounter::new(seed, rig.arw_deg_rt_h),
             rng: ChaCha8Rng::seed_from_u64(seed ^ 0x696e_7075_7473),
             nodes_c: [rig.start_c; 2],
             mode: 0,

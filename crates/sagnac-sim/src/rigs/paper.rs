@@ -9,7 +9,7 @@
 //! table ([`PaperRig::as_printed`]). One thermometer, no lag and no rate effect.
 
 use crate::rigs::Row;
-use crate::rigs::counter::Counter;
+use crate::rigs::counter::RigCounter;
 
 /// Parameters of the rig.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,7 +54,7 @@ impl PaperRig {
     pub fn run(&self, seed: u64) -> impl Iterator<Item = Row> + use<> {
         let rig = *self;
         let rows = rig.windows * 100;
-        let mut counter = Counter::new(seed, rig.arw_deg_rt_h);
+        let mut counter = RigCounter::new(seed, rig.arw_deg_rt_h);
         let temperature = move |t_s: f64| {
             let [lo, hi] = rig.span_c;
             lo + (hi - lo) * t_s / f64::from(rows)

@@ -9,7 +9,7 @@
 use std::io::Write;
 
 use crate::profile::{Leg, Profile};
-use crate::rigs::counter::Counter;
+use crate::rigs::counter::RigCounter;
 
 /// Parameters of gyro, table and chamber.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,7 +68,7 @@ impl RateTable {
         }
         let start_c = self.plateaus_c.first().copied().unwrap_or(25.0);
         let profile = Profile::new(start_c, &legs, 1);
-        let mut counter = Counter::new(seed, self.arw_deg_rt_h);
+        let mut counter = RigCounter::new(seed, self.arw_deg_rt_h);
         let mut out = Vec::new();
         let reference = if with_reference { ",reference_rate_dps" } else { "" };
         // Writing to a Vec cannot fail.

@@ -28,10 +28,10 @@ pub use fault::{Fault, FaultKind};
 pub use manual::{TableDoc, manual};
 pub use section::KeyDoc;
 pub use tables::{
-    Actuator, AxisDirection, BeatModel, BiasConfig, BlockConfig, CavityConfig, ChamberConfig, ChamberLeg, Counting,
-    DitherConfig, ElectronicsConfig, Fidelity, GeometryConfig, InputConfig, IntensityControlConfig, LoopModel,
-    NoiseConfig, PathLengthControlConfig, RateTableLeg, ReadoutConfig, RunConfig, ScaleFactorConfig, SensorLocation,
-    ThermometerConfig,
+    Actuator, AxisDirection, BeatModel, BiasConfig, BlockConfig, CavityConfig, ChamberConfig, ChamberLeg,
+    CountsPerFringe, DitherConfig, ElectronicsConfig, Fidelity, GeometryConfig, InputConfig, IntensityControlConfig,
+    LoopModel, NoiseConfig, PathLengthControlConfig, RateTableLeg, ReadoutConfig, RunConfig, ScaleFactorConfig,
+    SensorLocation, ThermometerConfig,
 };
 
 use crate::physics;

@@ -42,7 +42,7 @@ pub enum LoopModel {
 /// Counts per fringe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Counting {
+pub enum CountsPerFringe {
     /// One.
     X1,
     /// Two.
@@ -51,7 +51,7 @@ pub enum Counting {
     X4,
 }
 
-impl Counting {
+impl CountsPerFringe {
     /// As a number.
     pub fn per_fringe(self) -> f64 {
         match self {
@@ -184,7 +184,7 @@ section! {
     }
     words {
         /// Counts per fringe.
-        counting: Counting = Counting::X4, "x4, x2, x1";
+        counting: CountsPerFringe = CountsPerFringe::X4, "x4, x2, x1";
     }
 }
 

@@ -38,7 +38,7 @@ pub use manifest::{Unit, units_among, units_in_manifest, units_of};
 pub use prior::{ExactSum, LotMean, LotSums, NotUsed, Population, Prior, PriorFile};
 pub use quality::{Capability, Odd, Quality, Quantity, RigEffect, Yield};
 pub use recipe::Recipe;
-pub use result::{Acceptance, AxisResult, LimitResult, Outcome, Refusal, UnitResult};
+pub use result::{Acceptance, AxisResult, LimitResult, Refusal, UnitOutcome, UnitResult};
 pub use summary::{InOrder, Summary};
 #[cfg(feature = "parquet")]
 pub use table::{TableSummary, table_summary};
@@ -49,7 +49,7 @@ use sagnac_log::threads::STACK_BYTES;
 
 /// How a machine's own threads do it.
 #[derive(Clone, Copy)]
-pub struct Work<'a> {
+pub struct FleetWork<'a> {
     /// What is done with each unit.
     pub recipe: &'a Recipe,
     /// Units at a time.
@@ -72,7 +72,7 @@ pub struct Done {
 ///
 /// # Errors
 /// A folder that cannot be written, or that another program writes into.
-pub fn calibrate(units: &[Unit], work: &Work<'_>, folder: &Path, report: &(dyn Fn(Done) + Sync)) -> Result<()> {
+pub fn calibrate(units: &[Unit], work: &FleetWork<'_>, folder: &Path, report: &(dyn Fn(Done) + Sync)) -> Result<()> {
     let memory = work.recipe.setup.memory;
     calibrate_by(units, work, folder, report, &|unit, before| answer(unit, work.recipe, memory, before))
 }
@@ -83,7 +83,7 @@ pub fn calibrate(units: &[Unit], work: &Work<'_>, folder: &Path, report: &(dyn F
 /// As [`calibrate`].
 pub fn calibrate_by(
     units: &[Unit],
-    work: &Work<'_>,
+    work: &FleetWork<'_>,
     folder: &Path,
     report: &(dyn Fn(Done) + Sync),
     answer: &(dyn Fn(&Unit, Option<&str>) -> Answer + Sync),

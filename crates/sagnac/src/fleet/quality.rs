@@ -19,7 +19,7 @@ use sagnac_log::setup::RateUnit;
 use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::control::{ControlChart, SIGMA_OF_MAD, median};
-use super::result::{Acceptance, AxisResult, Outcome, UnitResult};
+use super::result::{Acceptance, AxisResult, UnitOutcome, UnitResult};
 use crate::verify::SPECS;
 
 /// Probability of any false rig effect in a report.
@@ -358,7 +358,7 @@ fn yields(results: &[UnitResult]) -> Vec<Yield> {
         let lot = all.entry(&unit.lot).or_insert_with(|| Yield { lot: unit.lot.clone(), ..Yield::default() });
         for group in [&mut whole, lot] {
             group.units += 1;
-            group.calibrated += usize::from(unit.outcome == Outcome::Calibrated);
+            group.calibrated += usize::from(unit.outcome == UnitOutcome::Calibrated);
             group.judged += usize::from(unit.acceptance == Acceptance::Met || unit.acceptance.is_bad());
             group.met += usize::from(unit.acceptance == Acceptance::Met);
         }
@@ -446,7 +446,7 @@ mod tests {
                 unit: format!("RLG-{at}"),
                 lot: format!("{lot}"),
                 rig: RIGS[rig].to_owned(),
-                outcome: Outcome::Calibrated,
+                outcome: UnitOutcome::Calibrated,
                 axes: vec![axis],
                 ..UnitResult::default()
             }
@@ -536,7 +536,7 @@ mod tests {
         units[7].axes[0].n_deg_rt_h = Some(0.3);
         for (at, unit) in units.iter_mut().enumerate().take(9) {
             if at < 5 {
-                unit.outcome = Outcome::Refused;
+                unit.outcome = UnitOutcome::Refused;
                 unit.refusal = Some(Refusal { reason: format!("the data span {at}.5 °C"), ..Refusal::default() });
                 unit.axes.clear();
             } else {

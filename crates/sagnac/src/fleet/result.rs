@@ -26,7 +26,7 @@ pub struct UnitResult {
     /// What it was made of, as a hash; another key means another result. Empty where its logs cannot be read.
     pub key: String,
     /// Calibrated, refused or failed.
-    pub outcome: Outcome,
+    pub outcome: UnitOutcome,
     /// Why not, where it was not calibrated.
     pub refusal: Option<Refusal>,
     /// SHA-256 of its record.
@@ -50,7 +50,7 @@ pub struct UnitResult {
 /// How a calibration ended.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Outcome {
+pub enum UnitOutcome {
     /// There is a record.
     Calibrated,
     /// The data cannot support a calibration.
@@ -60,7 +60,7 @@ pub enum Outcome {
     Failed,
 }
 
-impl Outcome {
+impl UnitOutcome {
     /// Its word in the table.
     pub fn name(self) -> &'static str {
         match self {
@@ -215,7 +215,7 @@ impl UnitResult {
     }
 
     pub(super) fn calibrated(&mut self, calibration: &Calibration, record_sha256: String) {
-        self.outcome = Outcome::Calibrated;
+        self.outcome = UnitOutcome::Calibrated;
         self.record_sha256 = Some(record_sha256);
         self.inputs_sha256 = calibration.provenance.inputs.iter().map(|input| input.sha256.clone()).collect();
         self.serial = Some(calibration.serial.clone());
@@ -225,7 +225,7 @@ impl UnitResult {
     }
 
     pub(super) fn refused(&mut self, error: Error) {
-        self.outcome = if error.kind == ErrorKind::Refused { Outcome::Refused } else { Outcome::Failed };
+        self.outcome = if error.kind == ErrorKind::Refused { UnitOutcome::Refused } else { UnitOutcome::Failed };
         self.refusal = Some(error.into());
     }
 

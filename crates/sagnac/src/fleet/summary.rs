@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use super::{Acceptance, AxisResult, Done, Outcome, Refusal, Unit, UnitResult};
+use super::{Acceptance, AxisResult, Done, Refusal, Unit, UnitOutcome, UnitResult};
 use sagnac_units::format::{counted, significant};
 
 /// What a run of a fleet came to.
@@ -33,9 +33,9 @@ impl Summary {
     fn count(&mut self, result: &UnitResult, is_kept: bool) {
         self.units += 1;
         *match result.outcome {
-            Outcome::Calibrated => &mut self.calibrated,
-            Outcome::Refused => &mut self.refused,
-            Outcome::Failed => &mut self.failed,
+            UnitOutcome::Calibrated => &mut self.calibrated,
+            UnitOutcome::Refused => &mut self.refused,
+            UnitOutcome::Failed => &mut self.failed,
         } += 1;
         self.met += usize::from(result.acceptance == Acceptance::Met);
         self.not_met += usize::from(result.acceptance.is_bad());

@@ -14,7 +14,7 @@ use arrow_schema::{Field, Schema};
 use parquet::arrow::ArrowWriter;
 
 use super::common_basis::CommonBasis;
-use super::result::{AxisResult, Outcome, Refusal, UnitResult};
+use super::result::{AxisResult, Refusal, UnitOutcome, UnitResult};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{ParquetRead, parquet_batches, parquet_schema};
 use sagnac_log::memory::MemoryBudget;
@@ -91,7 +91,7 @@ fn summary(path: &Path) -> Result<Option<TableSummary>> {
             if unit.map(str::to_owned) != before {
                 before = unit.map(str::to_owned);
                 out.units += 1;
-                out.calibrated += usize::from(outcome == Some(Outcome::Calibrated.name()));
+                out.calibrated += usize::from(outcome == Some(UnitOutcome::Calibrated.name()));
             }
         }
     }

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 use sagnac::fit::UnitPrior;
-use sagnac::fleet::{Prior, PriorFile, Recipe, Unit, Work, calibrate, results_in};
+use sagnac::fleet::{FleetWork, Prior, PriorFile, Recipe, Unit, calibrate, results_in};
 
 use super::{Bench, Dice, Now};
 use crate::support::rows::Rows;
@@ -98,7 +98,7 @@ impl Fleet {
         };
         let units: Vec<Unit> = gyros.par_iter().enumerate().map(unit).collect();
         let recipe = Recipe::new(Bench::setup(), MODEL.parse().unwrap());
-        let work = Work { recipe: &recipe, threads: 2, again: false };
+        let work = FleetWork { recipe: &recipe, threads: 2, again: false };
         calibrate(&units, &work, &folder, &|_| ()).unwrap();
         let prior = Prior::learned(&results_in(&folder).unwrap(), None).unwrap();
         let path = folder.join("fleet.prior.json");

@@ -4,7 +4,7 @@ use std::fmt::Write as _;
 use std::fs;
 
 use anyhow::Result;
-use sagnac_board::{Direction, KINDS, Kind};
+use sagnac_board::{Direction, KINDS, MessageKind};
 use xtask::shell::root;
 
 use crate::made::{Made, between_marks, marks};
@@ -35,6 +35,6 @@ pub(crate) fn make() -> Result<Vec<Made>> {
     Ok(vec![Made::new(FRAME_HEADER, header), Made::new(SERIAL_LINE, page)])
 }
 
-fn define(header: &mut String, kind: &Kind) -> Result<()> {
+fn define(header: &mut String, kind: &MessageKind) -> Result<()> {
     Ok(writeln!(header, "#define SAGNAC_KIND_{} 0x{:02X}U", kind.name, kind.number)?)
 }

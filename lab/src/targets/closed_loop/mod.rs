@@ -33,9 +33,9 @@ use crate::program::Program;
 use crate::targets::closed_loop::picture::Drift;
 use crate::targets::closed_loop::record::Record;
 use crate::targets::closed_loop::recording::Recording;
-use crate::targets::closed_loop::target::Target;
+use crate::targets::closed_loop::target::BoardInQemu;
 use crate::targets::closed_loop::units::FRAME_TICKS;
-use crate::targets::closed_loop::upload::{Old, Upload, lost};
+use crate::targets::closed_loop::upload::{Old, Pieces, lost};
 use crate::targets::firmware::{build, built, settings as plant_of, sysroot};
 
 /// Ticks of a gyro, 100 µs, in a tick of this unit.
@@ -49,8 +49,8 @@ const FITTED: u32 = 2;
 /// The whole circle. `--picture`: makes the picture again instead of comparing it.
 pub(crate) fn closed_loop(args: &[&str]) -> Result<()> {
     need(debian::FIRMWARE)?;
-    let unit = Unit::make()?;
-    let (mut target, woken) = Target::start(&unit.firmware)?;
+    let unit = FirmwareUnit::make()?;
+    let (mut target, woken) = BoardInQemu::start(&unit.firmware)?;
     is(woken, POWER_ON, 0, false)?;
     unit.ships(&mut target)?;
     let first = unit.cycle(&mut target, "cycle-1", FACTORY)?;
@@ -71,7 +71,7 @@ pub(crate) fn closed_loop(args: &[&str]) -> Result<()> {
 }
 
 /// The gyro, its firmware and its files.
-struct Unit {
+struct FirmwareUnit {
     work: PathBuf,
     /// Folder of scenarios, setup and limits.
     given: PathBuf,
@@ -86,7 +86,7 @@ struct Cycle {
     record: Record,
 }
 
-impl Unit {
+impl FirmwareUnit {
     /// The factory's calibration of the gyro, and the firmware that is built with its image.
     fn make() -> Result<Self> {
         let work = root().join("target/closed-loop");
@@ -121,9 +121,9 @@ impl Unit {
     }
 
     /// The gyro gets the factory's image, and is switched off and on.
-    fn ships(&self, target: &mut Target) -> Result<()> {
+    fn ships(&self, target: &mut BoardInQemu) -> Result<()> {
         self.sagnac(&["export", "factory.cal.json", "--to", "upload", "-o", "factory.up"])?;
-        let upload = Upload::read(&self.read("factory.up")?)?;
+        let upload = Pieces::read(&self.read("factory.up")?)?;
         let shelf = Row { ticks: FRAME_TICKS, counts: 7, present: 1, codes: [20 << 24, 0, 0, 0] };
         let reply = Old { sequence: 0, soak: shelf }.send(target, &upload)?;
         is(reply, Message::COMMIT, FACTORY, false)?;
@@ -143,7 +143,7 @@ impl Unit {
     }
 
     /// A cycle of the chamber from power-on, recorded by the bench.
-    fn cycle(&self, target: &mut Target, name: &str, sequence: u32) -> Result<Cycle> {
+    fn cycle(&self, target: &mut BoardInQemu, name: &str, sequence: u32) -> Result<Cycle> {
         let fed = chamber::rows(&self.simulated(name)?)?;
         let (recording, line) = Recording::start(&self.work, &self.given("bench.toml")?, name)?;
         target.idle()?;
@@ -166,7 +166,7 @@ impl Unit {
     }
 
     /// The bench's calibration is that of the recorded log, byte for byte; its image, and the upload of it on trial.
-    fn accepted(&self) -> Result<(Upload, Vec<u8>)> {
+    fn accepted(&self) -> Result<(Pieces, Vec<u8>)> {
         let setup = self.given("bench.toml")?;
         self.sagnac(&["calibrate", "cycle-1.parquet", "--setup", &setup, "-o", "again.cal.json"])?;
         let (live, again) = (self.read("cycle-1.cal.json")?, self.read("again.cal.json")?);
@@ -180,11 +180,11 @@ impl Unit {
         let export = ["export", "cycle-1.cal.json", "--sequence", &sequence, "--to"];
         self.sagnac(&[&export[..], &["image", "-o", "fitted.img"]].concat())?;
         self.sagnac(&[&export[..], &["upload", "--trial", "-o", "fitted.up"]].concat())?;
-        Ok((Upload::read(&self.read("fitted.up")?)?, self.read("fitted.img")?))
+        Ok((Pieces::read(&self.read("fitted.up")?)?, self.read("fitted.img")?))
     }
 
     /// The whole upload is taken on trial while ticks run, and confirmed.
-    fn uploaded(&self, target: &mut Target, old: &Old, upload: &Upload) -> Result<()> {
+    fn uploaded(&self, target: &mut BoardInQemu, old: &Old, upload: &Pieces) -> Result<()> {
         let before = target.outputs.len();
         is(old.send(target, upload)?, Message::COMMIT, FITTED, true)?;
         old.frames_say(target, true)?;

@@ -16,7 +16,7 @@ use std::time::Duration;
 
 use anyhow::{Context, Result, bail, ensure};
 use sagnac_board::frame::{Frame, FrameReader, MAX_FRAME};
-use sagnac_board::{Message, Output, POWER_ON, Reply, RigSettings, Row};
+use sagnac_board::{Message, OutputFrame, POWER_ON, Reply, RigSettings, Row};
 use xtask::shell::text;
 
 use super::process::Running;
@@ -34,7 +34,7 @@ const PIECE: usize = 4096;
 const CUT_FRAMES: u32 = 500;
 
 /// The target.
-pub(super) struct Target {
+pub(super) struct BoardInQemu {
     qemu: Running,
     address: String,
     line: TcpStream,
@@ -46,11 +46,11 @@ pub(super) struct Target {
     /// Frames since power-on that came or were lost.
     heard: u16,
     /// Frames since power-on that came, and the answers that nobody has taken.
-    pub(super) outputs: Vec<Output>,
+    pub(super) outputs: Vec<OutputFrame>,
     replies: VecDeque<Reply>,
 }
 
-impl Target {
+impl BoardInQemu {
     /// Starts the emulator and connects; the firmware starts then.
     pub(super) fn start(program: &Path) -> Result<(Self, Reply)> {
         let machine = ["-M", "mps2-an386", "-cpu", "cortex-m4", "-nographic", "-monitor", "none"];

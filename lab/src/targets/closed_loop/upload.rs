@@ -2,21 +2,21 @@
 
 use anyhow::{Context, Result, ensure};
 use sagnac_board::frame::FrameReader;
-use sagnac_board::{Message, Output, Reply, ReplyCode, Row};
+use sagnac_board::{Message, OutputFrame, Reply, ReplyCode, Row};
 use sagnac_core::Origin;
 
-use super::target::{Target, bytes_of};
+use super::target::{BoardInQemu, bytes_of};
 
 /// Bytes of a piece of an image.
 const PIECE: usize = 60;
 
 /// An upload as `sagnac export --to upload` makes it.
-pub(super) struct Upload {
+pub(super) struct Pieces {
     pieces: Vec<Message>,
     commit: Message,
 }
 
-impl Upload {
+impl Pieces {
     /// The messages of a file.
     pub(super) fn read(bytes: &[u8]) -> Result<Self> {
         let mut reader = FrameReader::new();
@@ -52,12 +52,12 @@ pub(super) struct Old {
 
 impl Old {
     /// Sends the whole upload; the answer to its commit.
-    pub(super) fn send(&self, target: &mut Target, upload: &Upload) -> Result<Reply> {
+    pub(super) fn send(&self, target: &mut BoardInQemu, upload: &Pieces) -> Result<Reply> {
         self.pieces(target, &upload.pieces)?;
         target.ask(&upload.commit, &self.soak)
     }
 
-    fn pieces(&self, target: &mut Target, pieces: &[Message]) -> Result<()> {
+    fn pieces(&self, target: &mut BoardInQemu, pieces: &[Message]) -> Result<()> {
         for piece in pieces {
             let reply = target.ask(piece, &self.soak)?;
             ensure!(reply.code == ReplyCode::Done, "a piece is refused: {reply:?}");
@@ -66,7 +66,12 @@ impl Old {
     }
 
     /// An image with one bit turned over is refused.
-    pub(super) fn survives_a_broken_image(&self, target: &mut Target, upload: &Upload, image: &[u8]) -> Result<()> {
+    pub(super) fn survives_a_broken_image(
+        &self,
+        target: &mut BoardInQemu,
+        upload: &Pieces,
+        image: &[u8],
+    ) -> Result<()> {
         let broken = upload.broken(image);
         ensure!(broken.iter().zip(&upload.pieces).filter(|(a, b)| a != b).count() == 1, "no piece is broken");
         self.pieces(target, &broken)?;
@@ -76,7 +81,7 @@ impl Old {
     }
 
     /// A line that is cut within a piece in the middle of the upload leaves the old image; so does a piece that is damaged on the line.
-    pub(super) fn survives_a_cut_line(&self, target: &mut Target, upload: &Upload) -> Result<()> {
+    pub(super) fn survives_a_cut_line(&self, target: &mut BoardInQemu, upload: &Pieces) -> Result<()> {
         let (before, after) = upload.pieces.split_at(upload.cut_at());
         let cut = bytes_of(after.first().context("a piece in the middle")?)?;
         self.pieces(target, before)?;
@@ -92,7 +97,7 @@ impl Old {
         self.survives_a_damaged_piece(target, upload, after)
     }
 
-    fn survives_a_damaged_piece(&self, target: &mut Target, upload: &Upload, rest: &[Message]) -> Result<()> {
+    fn survives_a_damaged_piece(&self, target: &mut BoardInQemu, upload: &Pieces, rest: &[Message]) -> Result<()> {
         for (at, piece) in rest.iter().enumerate() {
             if at == 1 {
                 let mut damaged = bytes_of(piece)?;
@@ -110,7 +115,7 @@ impl Old {
     }
 
     /// The commit is refused as of no image, and answer and frames say that the old image is in force.
-    fn stays(&self, target: &mut Target, commit: &Message) -> Result<()> {
+    fn stays(&self, target: &mut BoardInQemu, commit: &Message) -> Result<()> {
         let refused = target.ask(commit, &self.soak)?;
         let expected = Reply {
             to: commit.kind(),
@@ -124,7 +129,7 @@ impl Old {
     }
 
     /// A frame that began after now says that an intact image runs, and whether on trial.
-    pub(super) fn frames_say(&self, target: &mut Target, trial: bool) -> Result<()> {
+    pub(super) fn frames_say(&self, target: &mut BoardInQemu, trial: bool) -> Result<()> {
         target.idle()?;
         target.run(&[self.soak, self.soak])?;
         let newest = target.outputs.last().context("no frame")?;
@@ -135,8 +140,8 @@ impl Old {
 }
 
 /// Frames that are missing between others.
-pub(super) fn lost(outputs: &[Output]) -> u32 {
-    let gap = |pair: &[Output]| match pair {
+pub(super) fn lost(outputs: &[OutputFrame]) -> u32 {
+    let gap = |pair: &[OutputFrame]| match pair {
         [a, b] => u32::from(b.sequence.wrapping_sub(a.sequence).wrapping_sub(1)),
         _ => 0,
     };
@@ -149,10 +154,10 @@ mod tests {
 
     use super::*;
 
-    fn upload(image: &[u8]) -> Upload {
+    fn upload(image: &[u8]) -> Pieces {
         let messages = Message::pieces(image).chain([Message::Commit(Commit { len: image.len() as u16, trial: true })]);
         let bytes: Vec<u8> = messages.flat_map(|message| bytes_of(&message).unwrap()).collect();
-        Upload::read(&bytes).unwrap()
+        Pieces::read(&bytes).unwrap()
     }
 
     #[test]
@@ -168,12 +173,12 @@ mod tests {
     #[test]
     fn an_upload_ends_with_its_commit() {
         let pieces: Vec<u8> = Message::pieces(&[7; 244]).flat_map(|piece| bytes_of(&piece).unwrap()).collect();
-        assert!(Upload::read(&pieces).is_err());
+        assert!(Pieces::read(&pieces).is_err());
     }
 
     #[test]
     fn lost_frames_are_counted_over_the_end_of_their_numbers() {
-        let frames = [65_534, 65_535, 2, 3].map(|sequence| Output { sequence, ..Output::default() });
+        let frames = [65_534, 65_535, 2, 3].map(|sequence| OutputFrame { sequence, ..OutputFrame::default() });
         assert_eq!(lost(&frames), 2);
     }
 }

@@ -9,7 +9,7 @@ use std::process::Command;
 use anyhow::{Context, Result, bail, ensure};
 use sagnac_board::frame::FrameReader;
 use sagnac_board::{
-    CommandHandler, Commit, MemoryFlash, Message, Output, POWER_ON, Reply, ReplyCode, RigSettings, Row, run,
+    CommandHandler, Commit, MemoryFlash, Message, OutputFrame, POWER_ON, Reply, ReplyCode, RigSettings, Row, run,
 };
 use sagnac_core::{Banks, Gyro, Image, Origin};
 use sagnac_loops::LoopTable;
@@ -18,11 +18,17 @@ use xtask::shell::{root, text};
 
 use super::build::{build, emulate};
 use super::prices::{Measured, image_of};
-use super::unit::{Unit, sagnac};
+use super::unit::{FirmwareUnit, sagnac};
 use crate::program::Program;
 
 /// Sends the ten-minute log over the emulated board's serial line and through the same board on this machine.
-pub(super) fn line_of(folder: &Path, unit: &Unit, name: &str, dither_counts: u32, seconds: usize) -> Result<()> {
+pub(super) fn line_of(
+    folder: &Path,
+    unit: &FirmwareUnit,
+    name: &str,
+    dither_counts: u32,
+    seconds: usize,
+) -> Result<()> {
     let output = folder.join(format!("line-{}.bin", name.replace(' ', "-")));
     let (bytes, rows) = messages(unit, dither_counts, seconds)?;
     let here = here(unit, &bytes)?;
@@ -100,7 +106,7 @@ const ROW_SECONDS: u32 = 20;
 
 /// A board with a key, whose ticks run while it takes, checks and stores an image: no frame and no count is lost, what is not signed for
 /// it is refused, and the image is in force before the row has ended.
-pub(super) fn signed_while_ticks_run(sysroot: &Path, folder: &Path, unit: &Unit) -> Result<()> {
+pub(super) fn signed_while_ticks_run(sysroot: &Path, folder: &Path, unit: &FirmwareUnit) -> Result<()> {
     let signer = Signer::from_seed(&[42; 32]);
     fs::write(folder.join("unit.key"), signer.public().bytes())?;
     build(sysroot, &unit.image, &unit.loops, &["--features", "signed,live", "--bin", "measure", "--bin", "gyro"])?;
@@ -146,7 +152,7 @@ fn answer_to(to: u8, code: ReplyCode, sequence: u32) -> Message {
 }
 
 /// A row of the rig, and while it runs: an image without service mode, then unsigned, forged and signed images in it.
-fn signed_messages(unit: &Unit, signer: &Signer) -> Result<Vec<u8>> {
+fn signed_messages(unit: &FirmwareUnit, signer: &Signer) -> Result<Vec<u8>> {
     let image = fs::read(&unit.image)?;
     let decoded = Image::decode(&image)?;
     let d = decoded.description();
@@ -177,7 +183,7 @@ fn signed_messages(unit: &Unit, signer: &Signer) -> Result<Vec<u8>> {
 }
 
 /// The answers of a board, each with the number of frames before it, and the frames.
-fn said(bytes: &[u8]) -> (Vec<(usize, Message)>, Vec<Output>) {
+fn said(bytes: &[u8]) -> (Vec<(usize, Message)>, Vec<OutputFrame>) {
     let (mut reader, mut answers, mut frames) = (FrameReader::new(), Vec::new(), Vec::new());
     for message in bytes.iter().filter_map(|byte| reader.push(*byte)).filter_map(|frame| Message::parse(&frame)) {
         match message {
@@ -192,7 +198,7 @@ fn said(bytes: &[u8]) -> (Vec<(usize, Message)>, Vec<Output>) {
 ///
 /// A slow update uses the newest temperature whose row has ended, as a replay does; so each row carries the temperature of
 /// the row before.
-fn messages(unit: &Unit, dither_counts: u32, seconds: usize) -> Result<(Vec<u8>, usize)> {
+fn messages(unit: &FirmwareUnit, dither_counts: u32, seconds: usize) -> Result<(Vec<u8>, usize)> {
     let log = fs::read_to_string(&unit.log)?;
     let loops = LoopTable::decode(&fs::read(&unit.loops)?)?;
     let mut rows = rows(&log)?;
@@ -274,7 +280,7 @@ pub(crate) fn settings(loops: &LoopTable, dither_counts: u32) -> RigSettings {
     }
 }
 
-fn here(unit: &Unit, input: &[u8]) -> Result<Vec<u8>> {
+fn here(unit: &FirmwareUnit, input: &[u8]) -> Result<Vec<u8>> {
     let gyro = Gyro::of(&Image::decode(&fs::read(&unit.image)?)?, 4);
     let loops = LoopTable::decode(&fs::read(&unit.loops)?)?;
     let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK).context("the banks do not fit")?;
@@ -285,7 +291,7 @@ fn here(unit: &Unit, input: &[u8]) -> Result<Vec<u8>> {
 
 /// The frames of each second add up to the row of `sagnac compensate`. The second image has the same correction as the
 /// first, and the change of images between two ticks loses no count.
-fn against_compensate(folder: &Path, unit: &Unit, frames: &Path) -> Result<()> {
+fn against_compensate(folder: &Path, unit: &FirmwareUnit, frames: &Path) -> Result<()> {
     let corrected = folder.join("corrected.csv");
     sagnac(&["compensate", text(&unit.image)?, text(&unit.log)?, "-o", text(&corrected)?])?;
     let table = |path: &Path, column: &str| -> Result<Vec<i64>> {

@@ -9,16 +9,16 @@ use crate::program::Program;
 
 const SCENARIO: &str = "firmware/gyro/ten-minutes.toml";
 /// The unit that the firmware is built for.
-pub(super) struct Unit {
+pub(super) struct FirmwareUnit {
     pub(super) image: PathBuf,
     pub(super) loops: PathBuf,
     pub(super) log: PathBuf,
 }
 
 /// Made by the program itself: a calibration from the long log, its image, the loops, the ten-minute log.
-pub(super) fn unit(folder: &Path) -> Result<Unit> {
+pub(super) fn unit(folder: &Path) -> Result<FirmwareUnit> {
     let file = |name: &str| folder.join(name);
-    let unit = Unit { image: file("unit.img"), loops: file("unit.loops"), log: file("ten-minutes.csv") };
+    let unit = FirmwareUnit { image: file("unit.img"), loops: file("unit.loops"), log: file("ten-minutes.csv") };
     let (thermal, calibration) = (file("thermal.csv"), file("unit.cal.json"));
     sagnac(&["simulate", "scenarios/paper/paper.toml", "-o", text(&thermal)?])?;
     let calibrate = ["calibrate", text(&thermal)?, "--setup", "scenarios/paper/bench.toml", "-o"];

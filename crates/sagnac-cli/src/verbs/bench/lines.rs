@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use sagnac_bench::live::{Live, State, Versions};
+use sagnac_bench::live::{Live, LiveState, Versions};
 use sagnac_bench::source::Stop;
 use sagnac_bench::{SourceState, SourceStatus};
 use sagnac_log::setup::RateUnit;
@@ -69,7 +69,7 @@ impl Lines {
         said.iter().for_each(|line| console.note(line));
     }
 
-    fn news(&mut self, state: &State) -> Vec<String> {
+    fn news(&mut self, state: &LiveState) -> Vec<String> {
         let mut said: Vec<String> = Vec::new();
         let is_new = |event: &&sagnac_bench::decode::Event| event.at_ns > self.last_event_ns;
         let silence = |what: &str| what.contains(": silent for ");
@@ -100,7 +100,7 @@ impl Lines {
 }
 
 /// What is known, in a line or two.
-pub(crate) fn lines_of(state: &State, units: RateUnit) -> Vec<String> {
+pub(crate) fn lines_of(state: &LiveState, units: RateUnit) -> Vec<String> {
     let now = &state.now;
     let axes = state.names.axes.iter().zip(&now.rates_dph);
     let axes = axes.map(|(axis, rate)| {

@@ -14,7 +14,7 @@ use ratatui::text::Line;
 use ratatui::widgets::{Axis, Block, Chart, Dataset, GraphType, Paragraph, Wrap};
 use ratatui::{DefaultTerminal, Frame};
 use sagnac::{Error, Result};
-use sagnac_bench::live::{Live, State, TrendPoint};
+use sagnac_bench::live::{Live, LiveState, TrendPoint};
 use sagnac_bench::source::Stop;
 use sagnac_bench::{SourceState, SourceStatus};
 use sagnac_log::setup::RateUnit;
@@ -34,7 +34,7 @@ const COLOURS: [Color; 6] =
 /// What is drawn.
 pub(crate) struct View<'a> {
     pub(crate) title: &'a str,
-    pub(crate) state: &'a State,
+    pub(crate) state: &'a LiveState,
     pub(crate) sources: &'a [SourceStatus],
     /// Figure that a narrow terminal shows, from 0.
     pub(crate) chosen: usize,
@@ -159,7 +159,7 @@ fn words(view: &View<'_>) -> Vec<Line<'static>> {
 }
 
 /// Warnings that hold, then the newest events.
-fn news_of(state: &State, lines: u16) -> Vec<Line<'static>> {
+fn news_of(state: &LiveState, lines: u16) -> Vec<Line<'static>> {
     let holding = state.warnings.iter().filter(|warning| warning.until_s.is_none());
     let warnings = holding.map(|w| Line::styled(format!("⚠ {}", printable(&w.words)), Color::LightRed));
     let events = state.events.iter().rev().map(|event| Line::raw(printable(&event.what).into_owned()));
@@ -286,8 +286,8 @@ mod tests {
         (0..height).map(|y| line(y) + "\n").collect()
     }
 
-    fn state() -> State {
-        let mut state = State::default();
+    fn state() -> LiveState {
+        let mut state = LiveState::default();
         state.names.axes.push('z');
         state.names.thermometers.push("block".to_owned());
         state

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 use sagnac::Error;
-use sagnac::fleet::{self, Done, InOrder, PriorFile, Recipe, TABLE, Work, units_of};
+use sagnac::fleet::{self, Done, FleetWork, InOrder, PriorFile, Recipe, TABLE, units_of};
 use sagnac::verify::Limits;
 use sagnac_log::setup::Setup;
 
@@ -77,7 +77,7 @@ impl Verb for Args {
         let (model, epoch_s) = (self.model.parse()?, source_date_epoch()?);
         let recipe = Recipe::new(setup, model).source_date_epoch(epoch_s).prior(prior).limits(limits);
         let threads = self.threads.or_else(|| std::thread::available_parallelism().ok()).map_or(1, NonZeroUsize::get);
-        let work = Work { recipe: &recipe, threads, again: self.again };
+        let work = FleetWork { recipe: &recipe, threads, again: self.again };
         let bar = UnitProgress::new(units.len());
         let told = Mutex::new((console, InOrder::new(&units, self.json)));
         let report = |done: Done| {

@@ -8,7 +8,7 @@ use sagnac_bench::serial_line::{
     OutputClock, image_words, intensity_words, is_piece_done, path_length_words, reply_words, status_words,
 };
 use sagnac_board::frame::FrameReader;
-use sagnac_board::{Message, Output, POWER_ON};
+use sagnac_board::{Message, OutputFrame, POWER_ON};
 use sagnac_log::ingest::hex;
 use sagnac_log::write::write_atomically;
 
@@ -179,7 +179,7 @@ impl FrameTally {
     }
 }
 
-fn row(o: &Output, ticks: u64, tick_us: f64) -> String {
+fn row(o: &OutputFrame, ticks: u64, tick_us: f64) -> String {
     let time_s = ticks as f64 * tick_us * 1e-6;
     let thermometer = o.temperature.map_or(String::new(), |code| code.to_string());
     format!(

@@ -1,7 +1,7 @@
 //! Against fleets of known truth, drawn here: by hundreds, never by one.
 
 use super::*;
-use crate::fleet::Outcome;
+use crate::fleet::UnitOutcome;
 use crate::fleet::draws::Draws;
 use crate::fleet::result::AxisResult;
 
@@ -34,7 +34,7 @@ fn unit(name: usize, lot: &str, beta: [f64; 3], covariance: Vec<f64>) -> UnitRes
     UnitResult {
         unit: format!("RLG-{name}"),
         lot: lot.to_owned(),
-        outcome: Outcome::Calibrated,
+        outcome: UnitOutcome::Calibrated,
         axes: vec![axis],
         ..UnitResult::default()
     }
