@@ -65,20 +65,24 @@ pub(crate) struct Brief {
 
 impl Brief {
     /// The first line.
-    pub(crate) fn say_verdict(&self, console: &mut Console) {
+    fn say_verdict(&self, console: &mut Console) {
         let Self { of, word, verdict, tone, .. } = self;
         let gap = if word.is_empty() || verdict.is_empty() { "" } else { " - " };
         console.say_marked(&format!("{of}: {word}{gap}{verdict}"), word, *tone);
     }
 
     /// The last lines.
-    pub(crate) fn say_last(&self, console: &mut Console) {
+    fn say_last(&self, console: &mut Console) {
         self.last.iter().for_each(|line| console.say_within(line, MOST_COLUMNS));
     }
 
-    /// The whole.
-    pub(crate) fn say(&self, console: &mut Console) {
+    /// The whole; with `--verbose` everything instead of the table and the notes.
+    pub(crate) fn say(&self, console: &mut Console, everything: impl FnOnce(&mut Console)) {
         self.say_verdict(console);
+        if console.is_verbose() {
+            everything(console);
+            return self.say_last(console);
+        }
         if !self.body.is_empty() {
             console.say("");
             self.body.iter().for_each(|line| console.say_within(line, MOST_COLUMNS));

@@ -101,15 +101,11 @@ impl Verb for Args {
             |axis: &AxisBudget| row_notes(axis, units).into_iter().map(|note| (axis.axis, note)).collect::<Vec<_>>();
         let notes: Vec<(char, String)> = budget.axes.iter().flat_map(of_rows).collect();
         let brief = noise_brief(&budget, &notes, &wrote, units);
-        if console.is_verbose() {
-            brief.say_verdict(console);
+        brief.say(console, |console| {
             budget.warnings.iter().for_each(|warning| console.note(format!("warning: {warning}")));
             budget.axes.iter().for_each(|axis| describe(console, axis, units));
             excluded(&budget.excluded).iter().for_each(|line| console.say(line));
-            brief.say_last(console);
-        } else {
-            brief.say(console);
-        }
+        });
         console.object(&budget)?;
         Ok(Outcome::Done)
     }

@@ -134,13 +134,7 @@ impl Verb for Args {
         if !axes.is_empty() {
             brief.remarks.push(Remark { axes, ..Remark::note("these runs show no warm-up, so none is corrected") });
         }
-        if console.is_verbose() {
-            brief.say_verdict(console);
-            calibration.axes.iter().for_each(|axis| describe(console, axis, units));
-            brief.say_last(console);
-        } else {
-            brief.say(console);
-        }
+        brief.say(console, |console| calibration.axes.iter().for_each(|axis| describe(console, axis, units)));
         trades.into_iter().for_each(|trade| console.say(trade));
         console.object(&calibration)?;
         Ok(Outcome::Done)

@@ -64,13 +64,7 @@ impl Verb for Args {
         let shown = comparison.shown_in(units);
         let wrote = self.report.written(|| comparison_report(&shown))?;
         let brief = comparison_brief(&shown, &wrote);
-        if console.is_verbose() {
-            brief.say_verdict(console);
-            say_everything(console, &shown);
-            brief.say_last(console);
-        } else {
-            brief.say(console);
-        }
+        brief.say(console, |console| say_everything(console, &shown));
         console.object(&comparison)?;
         Ok(if comparison.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
     }

@@ -142,14 +142,10 @@ impl Verb for Args {
         })?;
         let rule = limits.and_then(|limits| limits.decision).unwrap_or_default();
         let brief = verification_brief(&verification, rule, &wrote, units);
-        if console.is_verbose() {
-            brief.say_verdict(console);
+        brief.say(console, |console| {
             warn_of_same_log(console, &verification);
             describe(console, &verification, units);
-            brief.say_last(console);
-        } else {
-            brief.say(console);
-        }
+        });
         console.object(&verification)?;
         Ok(if verification.passed() { Outcome::Done } else { Outcome::LimitsNotMet })
     }
