@@ -15,7 +15,7 @@
 //!
 //! Fails for units of several models, or whose tests span other temperatures: those are not used, and counted. A test that is part of
 //! the fleet is no evidence for the prior; the Vᵢ do not hold what other models would add. Of
-//! sixty units Σ̂ is uncertain: [`Population::of_next_unit`] with Student's t covers the next unit's curve at any temperature with 0.93 to
+//! sixty units Σ̂ is uncertain: the covariance of the next unit with Student's t covers the next unit's curve at any temperature with 0.93 to
 //! 0.97, but the 95 % ellipsoid of three terms of Σ̂ in 0.83 to 0.91 (asserted in the tests): a gate on it needs a wider bound.
 
 mod exact_sum;
@@ -262,12 +262,7 @@ impl Prior {
         logs.extend(other.logs);
         let window_s = self.window_s.filter(|window_s| other.window_s == Some(*window_s));
         for (lot, more) in other.sums {
-            match sums.entry(lot) {
-                std::collections::btree_map::Entry::Occupied(mut own) => own.get_mut().merge(&more),
-                std::collections::btree_map::Entry::Vacant(free) => {
-                    free.insert(more);
-                }
-            }
+            sums.entry(lot).or_insert_with(|| LotSums::empty(self.terms.len())).merge(&more);
         }
         // Of two fleets the one whose tests say more: their records' lags differ by less than they can tell.
         let fixed_lag_s = self.fixed_lag_s.into_iter().chain(other.fixed_lag_s).reduce(f64::max);
@@ -351,12 +346,6 @@ impl Population {
             )
         })?;
         Ok(Self { axes: all.axes, mean, covariance: lower(&covariance), of_tests: lower(&of_tests), directions })
-    }
-
-    /// Covariance of the next unit's coefficients about the mean, as a lower triangle: the scatter of units, and what is not known of their
-    /// mean, Σ̂ + (Σ̂ + V̄)/n.
-    pub fn of_next_unit(&self) -> Vec<f64> {
-        self.about_mean_of(self.axes)
     }
 
     /// σ of the units in a term, without that of their tests.

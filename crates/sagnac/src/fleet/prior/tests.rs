@@ -95,7 +95,7 @@ fn the_next_unit_is_where_the_prior_says() {
         let away = DVector::from_iterator(3, (0..3).map(|k| MEAN[k] + own[k] - prior.fleet.mean[k]));
         let sigma = symmetric(&prior.fleet.covariance, 3);
         // Student's t of 59 degrees: 2.001.
-        let next = symmetric(&prior.fleet.of_next_unit(), 3);
+        let next = symmetric(&prior.fleet.about_mean_of(prior.fleet.axes), 3);
         let curve = temperatures.map(|t: f64| {
             let x = (t - 20.0) / 60.0;
             DVector::from_column_slice(&[x, 2.0 * x * x, 0.0])
