@@ -6,7 +6,7 @@
 use crate::budget::{AxisBudget, CONFIDENCE, CurvePoint, Model, RawPoint, TermValue, Terms, interval};
 use crate::difference::Deviation;
 use crate::freedom::Stretches;
-use crate::terms::{AllanTerm, Point, fit_terms};
+use crate::laws::terms::{AllanTerm, Point, fit_terms};
 
 /// Smallest ratio of neighbouring τ in the fit.
 const APART: f64 = 1.4;

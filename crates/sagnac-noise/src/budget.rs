@@ -3,17 +3,17 @@
 use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
-use crate::bootstrap::{Spread, TermUncertainty};
 use crate::difference::{Deviation, Difference};
 use crate::freedom::{Record, Stretches};
-use crate::law_range::Agreement;
+use crate::laws::bootstrap::{Spread, TermUncertainty};
+use crate::laws::law_range::Agreement;
+use crate::laws::slope::{Slope, slope_of};
+use crate::laws::terms::{AllanTerm, FittedTerms, Laws, Point};
 use crate::periods::Period;
 use crate::pyramid::FULL_OVERLAP;
 use crate::recorder::{Recorded, Recorder};
 use crate::screen::{Disturbed, RowPlace, Screened};
-use crate::slope::{Slope, slope_of};
 use crate::taus::{LONGEST_PART, TauError, Taus};
-use crate::terms::{AllanTerm, FittedTerms, Laws, Point};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 use sagnac_units::format::significant;
 

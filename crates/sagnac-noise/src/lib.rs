@@ -2,9 +2,9 @@
 //!
 //! ```text
 //! angles ─▶ Screen ─▶ Recorder ─▶ sums of differences ─▶ curve ─▶ five terms ─▶ intervals ─▶ AxisBudget
-//!           gaps,     phase, in memory     [difference]  [budget]  [terms]      [freedom,
-//!           disturbed [overlap] or of any                from [law_range] on    bootstrap]
-//!           rows      length [pyramid]                   without [periods]
+//!           gaps,     phase, in memory     [difference]  [budget]  from the τ   [freedom,
+//!           disturbed [overlap] or of any                without   on where the laws]
+//!           rows      length [pyramid]                   [periods] [laws] hold
 //! each window ─▶ ShortTau ─▶ N and Q at short τ ─▶ noise floor of every residual
 //! ```
 //!
@@ -24,11 +24,10 @@
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod bare;
-mod bootstrap;
 mod budget;
 mod difference;
 mod freedom;
-mod law_range;
+mod laws;
 mod level;
 mod overlap;
 mod periods;
@@ -36,9 +35,7 @@ mod pyramid;
 mod recorder;
 mod screen;
 mod short;
-mod slope;
 mod taus;
-mod terms;
 mod vectors;
 
 pub use bare::{BareCurve, RecordLengthError, budget_of_curve};
@@ -48,6 +45,7 @@ pub use budget::{
 };
 pub use difference::{Deviation, Difference, SquareSum};
 pub use freedom::Stretches;
+pub use laws::terms::{AllanTerm, FittedTerms, Point, fit_terms};
 pub use overlap::{overlapping, phases};
 pub use periods::{Period, Series};
 pub use pyramid::{FULL_OVERLAP, served};
@@ -55,4 +53,3 @@ pub use recorder::{HELD_PHASES, MOST_ROWS, Recorded, Recorder};
 pub use screen::{Disturbed, MOST_DISTURBED_PART, MOST_LOST_PART, RowPlace, Screen, Screened};
 pub use short::{NoiseTerms, ShortTau, ShortTauSums};
 pub use taus::{MOST_TAUS, TauError, Taus};
-pub use terms::{AllanTerm, FittedTerms, Point, fit_terms};

@@ -1,10 +1,10 @@
 //! Angle random walk and quantization from short-τ Allan deviations, window by window.
 //!
 //! The overlapping Allan variance at octave τ = m·τ0, summed within each analysis window, so that an excluded
-//! window has no effect; N and Q by the fit of [`super::terms`] with only those two. Without the Q term a ring laser's
+//! window has no effect; N and Q by the fit of [`crate::laws::terms`] with only those two. Without the Q term a ring laser's
 //! quantization would read as 2.7 times its ARW.
 //!
-//! Behind a low-pass filter N is that of the τ at which the five laws hold ([`super::law_range`]), and Q is zero: nothing shows it.
+//! Behind a low-pass filter N is that of the τ at which the five laws hold ([`crate::laws::law_range`]), and Q is zero: nothing shows it.
 //!
 //! Fails on a record with a strong signal at τ ≤ τ_w/4: the signal counts as noise.
 //! Memory: 2·m_max + 4096 phases, and three numbers per octave and window.
@@ -12,7 +12,7 @@
 use crate::budget::{Model, RawPoint};
 use crate::difference::{Deviation, Difference, Running};
 use crate::freedom::{Stretches, edf_white_fm};
-use crate::terms::{AllanTerm, Point, fit_terms};
+use crate::laws::terms::{AllanTerm, Point, fit_terms};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
 /// Points with fewer equivalent degrees of freedom are not used.

@@ -72,8 +72,11 @@ fn twins(own: &[Type], used: &[Type]) -> Vec<String> {
     named.into_iter().filter_map(twin).collect()
 }
 
-/// The types of the packages of the tree, with the packages that each is built from.
-fn by_package() -> Result<BTreeMap<String, (Vec<Type>, Vec<String>)>> {
+/// The types of a package, and the packages that it is built from.
+type PackageTypes = (Vec<Type>, Vec<String>);
+
+/// The same of each package of the tree.
+fn by_package() -> Result<BTreeMap<String, PackageTypes>> {
     let mut all = BTreeMap::new();
     for (folder, is_member) in std::iter::once((".", true)).chain(OUTSIDE.map(|folder| (folder, false))) {
         for (name, package) in packages(folder, is_member)? {

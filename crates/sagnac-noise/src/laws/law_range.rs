@@ -3,7 +3,7 @@
 //! ```text
 //! y = X·β + e        y: σ²(τ)/f(τ) − 1 at neighbouring octaves, f the fitted terms
 //!                    X: 1/τ², 1/τ and the slower terms that the fit found, each over f
-//!                    e: the errors of an overlapping curve, with their correlation ([`super::freedom`])
+//!                    e: the errors of an overlapping curve, with their correlation ([`crate::freedom`])
 //! described: eᵀC⁻¹e of the generalised fit is below its bound by χ²
 //! ```
 //!
@@ -19,7 +19,7 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::freedom::Record;
-use crate::terms::{AllanTerm, FittedTerms, Point};
+use crate::laws::terms::{AllanTerm, FittedTerms, Point};
 
 /// Octaves that are judged together, and the fewest that can be.
 const OCTAVES: usize = 5;

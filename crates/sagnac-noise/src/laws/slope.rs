@@ -10,7 +10,7 @@
 //!
 //! Fails where the disturbance has the term's own slope: no curve tells the two apart.
 
-use crate::terms::{AllanTerm, FittedTerms, Point};
+use crate::laws::terms::{AllanTerm, FittedTerms, Point};
 
 /// Standard errors of the slope, 95 %.
 const SIGMAS: f64 = 1.96;
@@ -67,7 +67,7 @@ fn line(points: &[&Point], value: impl Fn(&Point) -> f64) -> (f64, f64) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::terms::fit_terms;
+    use crate::laws::terms::fit_terms;
 
     /// By hand: σ² = τ^−1.5 against N²/τ is off by −0.5 in σ², −0.25 in σ; with the term's own slope nothing is.
     #[test]

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! Terms that can replace each other (B, K and R at the long end of a short record) do so in the profile, so the intervals
-//! include the exchange between them. Expectations, edf and correlations come from [`super::freedom`] for the length, gaps and
+//! include the exchange between them. Expectations, edf and correlations come from [`crate::freedom`] for the length, gaps and
 //! noise of this record. Points of an overlapping curve are strongly correlated; thresholds for independent points would be
 //! too low. For a term that is not resolved, curves are drawn with and without it, and the higher threshold is used. The χ²
 //! come from normal values by the cube-root form of Wilson and Hilferty (1931).
@@ -22,7 +22,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
 use crate::freedom::Record;
-use crate::terms::{AllanTerm, FittedTerms, Laws, Point, deviance};
+use crate::laws::terms::{AllanTerm, FittedTerms, Laws, Point, deviance};
 
 /// Curves drawn.
 const DRAWS: usize = 400;
