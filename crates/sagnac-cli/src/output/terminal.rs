@@ -306,7 +306,7 @@ mod tests {
         assert_eq!(wrapped(line, None), line);
         let narrow = wrapped(line, Some(40));
         assert!(narrow.lines().count() == 3 && narrow.lines().all(|l| display_width(l) <= 40));
-        assert!(narrow.starts_with("  the next") && narrow.lines().skip(1).all(|l| l.starts_with("    ")));
+        assert!(narrow.starts_with("  to improve") && narrow.lines().skip(1).all(|l| l.starts_with("    ")));
         assert_eq!(narrow.split_whitespace().collect::<Vec<_>>(), line.split_whitespace().collect::<Vec<_>>());
         // A path stays whole, for copying.
         let path = "/a/long/path/of/thirty/characters.csv";

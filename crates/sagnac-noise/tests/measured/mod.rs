@@ -1,4 +1,3 @@
 //! Tests that measure on many records.
 
 mod noise;
-mod shaped;

@@ -1,8 +1,10 @@
 //! Five simulated terms, seed by seed, against the intervals of the estimates.
 
+mod shaped;
+
 #[path = "../../../sagnac/tests/support/evidence.rs"]
 #[expect(dead_code, reason = "`sagnac` alone measures ratios and largest values")]
-pub(super) mod evidence;
+mod evidence;
 
 use evidence::{Records, evidence};
 use sagnac_noise::{AllanTerm, Taus, TermValue, budget_of_angles};
@@ -151,10 +153,10 @@ fn at_most(unresolved: &str) -> f64 {
 }
 
 /// Random numbers of these tests: splitmix64, Box and Muller.
-pub(super) struct Dice(pub(super) u64);
+struct Dice(u64);
 
 impl Dice {
-    pub(super) fn uniform(&mut self) -> f64 {
+    fn uniform(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
         z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -162,7 +164,7 @@ impl Dice {
         (((z ^ (z >> 31)) >> 11) + 1) as f64 / (1_u64 << 53) as f64
     }
 
-    pub(super) fn normal(&mut self) -> f64 {
+    fn normal(&mut self) -> f64 {
         (-2.0 * self.uniform().ln()).sqrt() * (std::f64::consts::TAU * self.uniform()).cos()
     }
 }

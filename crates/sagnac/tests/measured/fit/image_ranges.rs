@@ -79,17 +79,19 @@ pub(crate) fn away_from_record(found: &Calibration, axis: &AxisCalibration) -> f
     let [lo, hi] = axis.span_c();
     let dph_per_count = found.unit.arcsec_per_lsb() / found.target.tick_s();
     let sum: f64 = axis.correction.terms.iter().map(|term| term.value.abs()).sum();
+    // The image is the exact inverse: its coefficients are the record's over 1 + ε0.
+    let of_nominal = 1.0 + axis.scale_factor().map_or(0.0, |scale| scale.at_reference.ppm * 1e-6);
     let at = |k: i32| {
         let code = ((lo + (hi - lo) * f64::from(k) / 50.0 - input.offset) / input.gain_per_code).round();
         let celsius = (input.offset + code * input.gain_per_code).clamp(lo, hi);
         let mut state = State::new();
         gyro.update(&mut state, &[Some(code as i32)]).unwrap();
         let drift = state.target_increment() as f64 / 2.0_f64.powi(32) * dph_per_count;
-        let wanted = axis.drift(celsius, axis.reference_c());
+        let wanted = axis.drift(celsius, axis.reference_c()) / of_nominal;
         let scale = (state.k_q32() as f64 / 2.0_f64.powi(32) - 1.0) * 1e6;
         let [of_t, of_reference] = [celsius, axis.reference_c()].map(|t| axis.scale_deviation(t)[0]);
         let drift = (drift - wanted).abs() / (1e-5 + 1e-6 * sum);
-        let scale = (scale - (of_t - of_reference)).abs() / (1e-3 + 1e-6 * sum);
+        let scale = (scale - (of_t - of_reference) / of_nominal).abs() / (1e-3 + 1e-6 * sum);
         drift.max(scale)
     };
     (0..=50).map(at).fold(0.0, f64::max)

@@ -1,7 +1,7 @@
 //! Records that the five laws do not describe: filtered, repeated, periodic, moving. What they show is right, and nothing else is said.
 
-use super::noise::Dice;
-use super::noise::evidence::{Records, evidence};
+use super::Dice;
+use super::evidence::{Records, evidence};
 use sagnac_noise::{AllanTerm, AxisBudget, Taus, TermValue, budget_of_angles};
 use sagnac_sim::{NoiseConfig, Resting};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
@@ -79,7 +79,7 @@ fn walk(budget: &AxisBudget) -> Option<[f64; 2]> {
 /// 10,000 rows are 1,000 time constants or more of each filter.
 #[test]
 fn the_walk_behind_a_filter_is_that_of_the_gyro() {
-    const RECORDS: Records = Records::new(100).few(30);
+    const RECORDS: Records = Records::new(100).few(40);
     let (mut inside, mut resolved, mut hz) = (Vec::new(), Vec::new(), Vec::new());
     for shape in Shape::ALL {
         let budgets: Vec<AxisBudget> = RECORDS.each().map(|seed| budget(&shape.white(10_000, seed + 1))).collect();
