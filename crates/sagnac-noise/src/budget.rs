@@ -400,9 +400,11 @@ impl<'a> Model<'a> {
         }
         // A dither or a beat ends within a few octaves; motion that goes on is not the end of one.
         let first = first.filter(|first| falls_short || *first <= MOST_OF_DITHER);
-        // What just passes is still bent: one octave more costs little and leaves nothing of it.
-        let lawful = first.map(|first| from((first + 1).min(last)));
-        let lawful = lawful.filter(|model| model.agreement().is_some_and(|of| of.holds));
+        // What just passes is still bent. One octave more costs little; the tail of a filter's memory, e^(−τ/T), needs two.
+        let more: &[usize] = if falls_short { &[2, 1] } else { &[1] };
+        let later = |first: usize| more.iter().map(move |more| from((first + more).min(last)));
+        let holds = |model: &Self| model.agreement().is_some_and(|of| of.holds);
+        let lawful = first.and_then(|first| later(first).find(holds));
         Self { falls_short, ..lawful.unwrap_or(Self { agrees: false, ..plain }) }
     }
 
