@@ -197,7 +197,7 @@ pub struct DisturbedRows {
 pub struct LawRange {
     /// From this τ on, s. Below it a filter, readings that repeat, a dither or a beat shape the curve.
     pub from_s: f64,
-    /// −3 dB frequency of the filter, Hz, to about 10 % for any order; null where a filter is not what shapes the curve.
+    /// −3 dB frequency of the filter, Hz, to about a fifth for any order; null where a filter is not what shapes the curve.
     pub filter_hz: Option<f64>,
 }
 
