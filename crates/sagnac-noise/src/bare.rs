@@ -3,10 +3,12 @@
 //! A curve does not state the uncertainty of its points. If the length of its record is known, they count as points of a
 //! fully overlapping deviation. Otherwise every point has the same weight and the terms have no interval.
 
-use crate::budget::{AxisBudget, CONFIDENCE, CurvePoint, Model, RawPoint, TermValue, Terms, interval};
+use crate::budget::{AxisBudget, CurvePoint};
 use crate::difference::Deviation;
 use crate::freedom::Stretches;
 use crate::laws::terms::{AllanTerm, Point, fit_terms};
+use crate::model::{Model, RawPoint};
+use crate::term_value::{CONFIDENCE, TermValue, Terms, interval};
 
 /// Smallest ratio of neighbouring τ in the fit.
 const APART: f64 = 1.4;

@@ -29,6 +29,7 @@ mod difference;
 mod freedom;
 mod laws;
 mod level;
+mod model;
 mod overlap;
 mod periods;
 mod pyramid;
@@ -36,16 +37,18 @@ mod recorder;
 mod screen;
 mod short;
 mod taus;
+mod term_value;
 mod vectors;
 
 pub use bare::{BareCurve, RecordLengthError, budget_of_curve};
 pub use budget::{
-    AxisBudget, CONFIDENCE, CurvePoint, DisturbedRow, DisturbedRows, HadamardPoint, LawRange, TermValue, Terms, budget,
-    budget_of_angles, budget_of_screened, differences,
+    AxisBudget, CurvePoint, DisturbedRow, DisturbedRows, HadamardPoint, budget, budget_of_angles, budget_of_screened,
+    differences,
 };
 pub use difference::{Deviation, Difference, SquareSum};
 pub use freedom::Stretches;
 pub use laws::terms::{AllanTerm, FittedTerms, Point, fit_terms};
+pub use model::LawRange;
 pub use overlap::{overlapping, phases};
 pub use periods::{Period, Series};
 pub use pyramid::{FULL_OVERLAP, served};
@@ -53,3 +56,4 @@ pub use recorder::{HELD_PHASES, MOST_ROWS, Recorded, Recorder};
 pub use screen::{Disturbed, MOST_DISTURBED_PART, MOST_LOST_PART, RowPlace, Screen, Screened};
 pub use short::{NoiseTerms, ShortTau, ShortTauSums};
 pub use taus::{MOST_TAUS, TauError, Taus};
+pub use term_value::{CONFIDENCE, TermValue, Terms};

@@ -9,10 +9,10 @@
 //! Fails on a record with a strong signal at τ ≤ τ_w/4: the signal counts as noise.
 //! Memory: 2·m_max + 4096 phases, and three numbers per octave and window.
 
-use crate::budget::{Model, RawPoint};
 use crate::difference::{Deviation, Difference, Running};
 use crate::freedom::{Stretches, edf_white_fm};
 use crate::laws::terms::{AllanTerm, Point, fit_terms};
+use crate::model::{Model, RawPoint};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
 /// Points with fewer equivalent degrees of freedom are not used.

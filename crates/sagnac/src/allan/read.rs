@@ -162,11 +162,11 @@ fn law_range_text(axis: &AxisBudget) -> Option<String> {
     let from = significant(range.from_s, 2);
     Some(match range.filter_hz {
         Some(hz) => format!(
-            "axis {letter}: filtered at about {} Hz; N and the slower terms are fitted from τ = {from} s on",
+            "axis {letter}: filtered at about {} Hz, so that N and the slower terms are fitted from τ = {from} s on",
             significant(hz, 2)
         ),
         None => format!(
-            "axis {letter}: below τ = {from} s a dither, a beat or a disturbance shapes the curve; the terms are fitted from there on"
+            "axis {letter}: below τ = {from} s a dither, a beat or a disturbance shapes the curve, and the terms are fitted from there on"
         ),
     })
 }

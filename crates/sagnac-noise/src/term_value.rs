@@ -1,0 +1,108 @@
+//! A term of a noise budget: its value with an interval, or the reason why there is none; and the interval of a deviation.
+
+use serde::Serialize;
+use statrs::distribution::{ChiSquared, ContinuousCDF};
+
+use crate::laws::terms::AllanTerm;
+use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
+
+/// Confidence of every interval here.
+pub const CONFIDENCE: f64 = 0.95;
+
+/// A term of the budget.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub enum TermValue {
+    /// Found.
+    Found {
+        /// Value.
+        value: f64,
+        /// Lower end of its 95 % interval; null if the uncertainty of the curve is unknown.
+        lower: Option<f64>,
+        /// Upper end.
+        upper: Option<f64>,
+    },
+    /// Not resolvable from this record.
+    Unresolved {
+        /// Why.
+        unresolved: String,
+    },
+}
+
+/// The five terms, in the field's units.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Terms {
+    /// Quantization, arcsec.
+    pub q_arcsec: TermValue,
+    /// Angle random walk, °/√h.
+    pub n_deg_rt_h: TermValue,
+    /// Bias instability, °/h.
+    pub b_dph: TermValue,
+    /// Rate random walk, °/h/√h.
+    pub k_dph_rt_h: TermValue,
+    /// Rate ramp, °/h/h.
+    pub r_dph_h: TermValue,
+}
+
+impl Terms {
+    /// In the order of [`AllanTerm::ALL`].
+    pub fn get(&self, term: AllanTerm) -> &TermValue {
+        match term {
+            AllanTerm::Quantization => &self.q_arcsec,
+            AllanTerm::AngleRandomWalk => &self.n_deg_rt_h,
+            AllanTerm::BiasInstability => &self.b_dph,
+            AllanTerm::RateRandomWalk => &self.k_dph_rt_h,
+            AllanTerm::RateRamp => &self.r_dph_h,
+        }
+    }
+
+    /// None of them, for one reason.
+    pub(crate) fn none(why: &str) -> Self {
+        Self::from_each(|_| TermValue::Unresolved { unresolved: why.to_owned() })
+    }
+
+    pub(crate) fn from_each(mut value: impl FnMut(AllanTerm) -> TermValue) -> Self {
+        Self {
+            q_arcsec: value(AllanTerm::Quantization),
+            n_deg_rt_h: value(AllanTerm::AngleRandomWalk),
+            b_dph: value(AllanTerm::BiasInstability),
+            k_dph_rt_h: value(AllanTerm::RateRandomWalk),
+            r_dph_h: value(AllanTerm::RateRamp),
+        }
+    }
+}
+
+impl AllanTerm {
+    /// Letter and unit of the field.
+    pub fn name(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Quantization => ("quantization Q", "arcsec"),
+            Self::AngleRandomWalk => ("angle random walk N", "°/√h"),
+            Self::BiasInstability => ("bias instability B", "°/h"),
+            Self::RateRandomWalk => ("rate random walk K", "°/h/√h"),
+            Self::RateRamp => ("rate ramp R", "°/h/h"),
+        }
+    }
+
+    /// From arcsec and seconds to its unit.
+    pub fn in_its_unit(self, root: f64) -> f64 {
+        match self {
+            Self::Quantization | Self::BiasInstability => root,
+            Self::AngleRandomWalk => root / ARCSEC_RT_S_PER_DEG_RT_H,
+            Self::RateRandomWalk => root * 60.0,
+            Self::RateRamp => root * 3600.0,
+        }
+    }
+}
+
+/// Ends of a deviation's interval: σ·√(edf/χ²).
+pub(crate) fn interval(variance: f64, edf: Option<f64>, confidence: f64) -> [Option<f64>; 2] {
+    let chi = edf.and_then(|edf| Some((edf, ChiSquared::new(edf).ok()?)));
+    let Some((edf, chi)) = chi.filter(|_| variance > 0.0) else { return [None, None] };
+    let tail = (1.0 - confidence) / 2.0;
+    [1.0 - tail, tail].map(|part| {
+        let end = (variance * edf / chi.inverse_cdf(part)).sqrt();
+        end.is_finite().then_some(end)
+    })
+}
