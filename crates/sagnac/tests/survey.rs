@@ -266,6 +266,11 @@ fn what_a_profile_lacks_is_said() {
     let mut dice = Dice(3);
     let cautions = |test: &Test, dice: &mut Dice| surveyed(&test.log(dice, |_| {})).0.cautions.join("\n");
     assert_eq!(cautions(&whole, &mut dice), "");
+    let [slope, sigma] = surveyed(&whole.log(&mut dice, |_| {})).0.axes[0].slope_dph_per_c.unwrap();
+    assert!(
+        (slope - whole.slope_dph_per_c).abs() < 5.0 * sigma && sigma < 0.1 * whole.slope_dph_per_c,
+        "{slope} ± {sigma}"
+    );
     let heats = Test { legs: 1, ..whole.clone() };
     assert!(cautions(&heats, &mut dice).contains("never cools"));
     let ramps = Test { soak_s: 0.0, ..whole.clone() };

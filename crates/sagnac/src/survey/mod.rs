@@ -239,10 +239,12 @@ fn limits_without_value(
     }
 }
 
-/// The slope of the trial with its standard error.
+/// The slope of the trial with its standard error: its only term is a line over the span as −1 … 1.
 fn slope(axis: &AxisCalibration) -> Option<[f64; 2]> {
     let term = axis.correction.terms.first()?;
-    Some([term.value, term.sigma?]).filter(|both| both.iter().all(|value| value.is_finite()))
+    let [lo, hi] = axis.thermometer().span;
+    Some([term.value, term.sigma?].map(|value| value / (0.5 * (hi - lo))))
+        .filter(|both| both.iter().all(|value| value.is_finite()))
 }
 
 /// Rows that cannot be used, if they are many.
