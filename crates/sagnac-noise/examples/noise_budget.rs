@@ -2,7 +2,7 @@
 //!
 //! `cargo run --example noise_budget`
 
-use sagnac_noise::{AllanTerm, TauError, Taus, TermValue, budget_of_angles};
+use sagnac_noise::{AllanTerm, RecordUnit, TauError, Taus, TermValue, budget_of_angles};
 
 fn main() -> Result<(), TauError> {
     // 10,000 rows of 1 s. Angle random walk 0.003 °/√h is 0.18 arcsec/√s; counts of 0.5 arcsec.
@@ -21,7 +21,7 @@ fn main() -> Result<(), TauError> {
             counted - before
         })
         .collect();
-    let budget = budget_of_angles(&rows, 1.0, &Taus::Octaves)?;
+    let budget = budget_of_angles(&rows, RecordUnit::Angle(1.0), 1.0, &Taus::Octaves)?;
     for term in AllanTerm::ALL {
         let (name, unit) = term.name();
         match budget.terms.get(term) {

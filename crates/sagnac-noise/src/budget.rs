@@ -113,17 +113,40 @@ pub struct AxisBudget {
     pub fitted: Option<FittedTerms>,
 }
 
-/// The budget of one unbroken stretch in memory: angles of `tau0_s` seconds each, arcsec.
+/// One unit of the angles of a record.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum RecordUnit {
+    /// Whole counts of so many arcsec.
+    Count(f64),
+    /// Any angle, in units of so many arcsec.
+    Angle(f64),
+}
+
+impl RecordUnit {
+    fn arcsec(self) -> f64 {
+        let (Self::Count(arcsec) | Self::Angle(arcsec)) = self;
+        arcsec
+    }
+
+    fn count_arcsec(self) -> Option<f64> {
+        match self {
+            Self::Count(arcsec) => Some(arcsec),
+            Self::Angle(_) => None,
+        }
+    }
+}
+
+/// The budget of one unbroken stretch in memory: angles of `tau0_s` seconds each.
 ///
 /// # Errors
 /// A τ that such rows cannot have.
-pub fn budget_of_angles(angles: &[f64], tau0_s: f64, taus: &Taus) -> Result<AxisBudget, TauError> {
+pub fn budget_of_angles(angles: &[f64], unit: RecordUnit, tau0_s: f64, taus: &Taus) -> Result<AxisBudget, TauError> {
     let shown = taus.multiples(tau0_s)?;
     let mut recorder = Recorder::new(differences(&shown, angles.len().max(1)), usize::MAX);
     recorder.push(angles);
     let recorded = recorder.finish();
     let limit = taus.longest_shown(recorded.stretches.longest());
-    Ok(budget('x', &recorded, tau0_s, 1.0, |m| m <= limit && shown.contains(&m)))
+    Ok(budget('x', &recorded, tau0_s, unit, |m| m <= limit && shown.contains(&m)))
 }
 
 /// The differences a budget needs: those asked for and the octaves of the fit.
@@ -136,8 +159,15 @@ pub fn differences(shown: &[usize], highest: usize) -> Vec<Difference> {
     differences(Deviation::Allan).chain(differences(Deviation::Hadamard)).collect()
 }
 
-/// The budget of a recorded axis. `asked` selects the τ to show; `arcsec` is the size of one unit of the angles.
-pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: impl Fn(usize) -> bool) -> AxisBudget {
+/// The budget of a recorded axis. `asked` selects the τ to show.
+pub fn budget(
+    axis: char,
+    recorded: &Recorded,
+    tau0_s: f64,
+    unit: RecordUnit,
+    asked: impl Fn(usize) -> bool,
+) -> AxisBudget {
+    let arcsec = unit.arcsec();
     let longest = recorded.stretches.longest();
     let variances = |deviation: Deviation| {
         let sums = recorded.sums.iter().filter(move |(difference, _)| difference.deviation == deviation);
@@ -159,7 +189,7 @@ pub fn budget(axis: char, recorded: &Recorded, tau0_s: f64, arcsec: f64, asked: 
     let periods: Vec<Period> = periods.into_iter().filter(bends).collect();
     let without = |(m, variance, number)| RawPoint::without(&periods, tau0_s, m, variance, number / m as f64);
     let fit: Vec<RawPoint> = fit.into_iter().map(without).collect();
-    let model = Model::new(&fit, tau0_s, &recorded.stretches);
+    let model = Model::new(&fit, tau0_s, &recorded.stretches, unit.count_arcsec());
     let curve = variances(Deviation::Allan).filter(|(m, ..)| asked(*m)).map(|(m, variance, n)| {
         let edf = model.edf(Deviation::Allan, m as f64);
         let [lower_dph, upper_dph] = interval(variance, edf, CONFIDENCE);
@@ -194,19 +224,19 @@ pub fn budget_of_screened(
     axis: char,
     screened: &Screened,
     tau0_s: f64,
-    arcsec: f64,
+    unit: RecordUnit,
     asked: impl Fn(usize) -> bool,
     place: impl Fn(RowPlace) -> String,
 ) -> AxisBudget {
-    let mut used = budget(axis, &screened.used, tau0_s, arcsec, asked);
+    let mut used = budget(axis, &screened.used, tau0_s, unit, asked);
     used.disturbed = screened.other.as_ref().map(|other| {
-        let named = |row: &Disturbed| DisturbedRow { at: place(row.place), deviation_arcsec: row.away * arcsec };
+        let named = |row: &Disturbed| DisturbedRow { at: place(row.place), deviation_arcsec: row.away * unit.arcsec() };
         DisturbedRows {
             rows: screened.disturbed,
             fraction: screened.disturbed as f64 / screened.rows.max(1) as f64,
             excluded: screened.cleaned,
             first: screened.named.iter().map(named).collect(),
-            alternative_terms: budget(axis, other, tau0_s, arcsec, |_| false).terms,
+            alternative_terms: budget(axis, other, tau0_s, unit, |_| false).terms,
         }
     });
     used

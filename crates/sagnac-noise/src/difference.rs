@@ -265,27 +265,8 @@ impl Running {
         Self { wanted, pairs, alone, longest, phases: Vec::new(), dropped: 0, summed: 0, holes: 0, sums }
     }
 
-    /// Phases that the longest difference spans.
-    pub(crate) fn longest(&self) -> usize {
-        self.longest
-    }
-
-    pub(crate) fn wanted(&self) -> &[Difference] {
-        &self.wanted
-    }
-
-    /// The next phase of the stretch; NaN where it is missing.
-    #[inline]
-    pub(crate) fn push(&mut self, phase: f64) {
-        self.holes += usize::from(phase.is_nan());
-        self.phases.push(phase);
-        // Counted from the start of the stretch, so that the result does not depend on the pieces.
-        if self.dropped + self.phases.len() == self.summed + BLOCK {
-            self.sum_up();
-        }
-    }
-
-    /// The next phases of the stretch; `all_known` says that none of them is missing.
+    /// The next phases of the stretch, NaN where they are missing; `all_known` says that none is. Sums are made at fixed places of the
+    /// stretch, so that the result does not depend on the pieces.
     pub(crate) fn extend(&mut self, mut phases: &[f64], all_known: bool) {
         if all_known && self.len() == 0 && phases.len() >= AT_ONCE {
             return self.begin(phases);
@@ -362,12 +343,18 @@ impl Running {
         sums
     }
 
-    /// Ends the stretch and returns its sums in the order of `wanted`. The next phase starts a new stretch.
-    pub(crate) fn take(&mut self) -> Vec<SquareSum> {
+    /// The sums since they were last taken, in the order of `wanted`; the stretch goes on.
+    pub(crate) fn take_so_far(&mut self) -> Vec<SquareSum> {
         self.sum_up();
+        std::mem::replace(&mut self.sums, vec![SquareSum::default(); self.wanted.len()])
+    }
+
+    /// Ends the stretch and returns its sums. The next phase starts a new stretch.
+    pub(crate) fn take(&mut self) -> Vec<SquareSum> {
+        let sums = self.take_so_far();
         self.phases.clear();
         (self.dropped, self.summed, self.holes) = (0, 0, 0);
-        std::mem::replace(&mut self.sums, vec![SquareSum::default(); self.wanted.len()])
+        sums
     }
 }
 
@@ -434,7 +421,7 @@ mod tests {
             .collect();
         for (first, second) in [(AT_ONCE, 0), (AT_ONCE + 77, 5000), (AT_ONCE + 3 * BLOCK, 0)] {
             let mut single = Running::new(wanted.clone());
-            phases[..first + second].iter().for_each(|phase| single.push(*phase));
+            phases[..first + second].iter().for_each(|phase| single.extend(&[*phase], true));
             let mut at_once = Running::new(wanted.clone());
             at_once.extend(&phases[..first], true);
             at_once.extend(&phases[first..first + second], true);

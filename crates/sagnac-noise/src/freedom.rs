@@ -27,6 +27,9 @@ use crate::difference::Deviation;
 /// Grid points per smaller m.
 const GRID: f64 = 32.0;
 
+/// From this ratio of their τ on, two points share slow noise alone; drawn curves take them for independent.
+pub(crate) const FAR: f64 = 64.0;
+
 /// Rows around a lost one whose mean replaces it.
 pub(crate) const NEAREST: usize = 64;
 
@@ -63,7 +66,7 @@ impl Stretches {
         (self.holes, self.filled) = (holes, filled);
     }
 
-    fn phases(&self) -> f64 {
+    pub(crate) fn phases(&self) -> f64 {
         self.octaves.values().map(|(_, phases, _)| *phases as f64).sum()
     }
 
@@ -230,15 +233,22 @@ impl Record<'_> {
     /// Sums over all pairs (k, l) of one stretch, by their lag k − l.
     fn pair_sums(&self, m: [f64; 2], number: [f64; 2]) -> PairSums {
         let (lesser, greater) = (m[0].min(m[1]), m[0].max(m[1]));
-        let step = (lesser / GRID).max(1.0);
+        let is_far = greater > FAR * lesser;
+        let step = if is_far { greater / GRID } else { (lesser / GRID).max(1.0) };
         let order = self.deviation.order() as f64;
         let (lowest, highest) = (-order * m[0] - greater, order * m[1] + greater);
         let (first, last) = ((lowest / step).ceil() as i64, (highest / step).floor() as i64);
-        let smooth = self.smooth_on_grid(m, step, first, last);
+        // Far apart, the lags lie between those at which phases meet: there white rate noise is shared, by a part of no account.
+        let offset = if is_far { 0.5 } else { 0.0 };
+        let smooth = if is_far {
+            (first..=last).map(|i| self.smooth(m[0], m[1], (i as f64 + offset) * step)).collect()
+        } else {
+            self.smooth_on_grid(m, step, first, last)
+        };
         let pairs_at = |lag: f64| (number[0].min(number[1] + lag) - lag.max(0.0)).max(0.0);
         let mut sums = PairSums { pairs: number[0] * number[1], ..self.of_shared_phases(m, &pairs_at) };
         for (i, r) in (first..=last).zip(smooth) {
-            let pairs = pairs_at(i as f64 * step);
+            let pairs = pairs_at((i as f64 + offset) * step);
             if pairs > 0.0 {
                 sums.plain += step * pairs * r;
                 sums.squares += step * pairs * r * r;

@@ -5,7 +5,7 @@
 //!           gaps,     phase, in memory     [difference]  [budget]  from the τ   [freedom,
 //!           disturbed [overlap] or of any                without   on where the laws]
 //!           rows      length [pyramid]                   [periods] [laws] hold
-//! each window ─▶ ShortTau ─▶ N and Q at short τ ─▶ noise floor of every residual
+//! each window ─▶ WindowedDifferences ─▶ N and Q of the used windows ─▶ noise floor of every residual
 //! ```
 //!
 //! Pure: numbers in, numbers out. No file, no gyro, no clock; work is shared among the threads of the caller's rayon
@@ -13,11 +13,11 @@
 //! `docs/explanation/noise.md` has the method, its sources and the references it is checked against.
 //!
 //! ```
-//! use sagnac_noise::{Taus, budget_of_angles};
+//! use sagnac_noise::{RecordUnit, Taus, budget_of_angles};
 //!
 //! // One hour of rows of 1 s: 15 °/h turns 15 arcsec in each of them.
 //! let angles: Vec<f64> = (0..3600).map(|i| 15.0 + if i % 2 == 0 { 0.5 } else { -0.5 }).collect();
-//! let budget = budget_of_angles(&angles, 1.0, &Taus::Octaves)?;
+//! let budget = budget_of_angles(&angles, RecordUnit::Angle(1.0), 1.0, &Taus::Octaves)?;
 //! assert_eq!(budget.curve[0].tau_s, 1.0);
 //! # Ok::<(), sagnac_noise::TauError>(())
 //! ```
@@ -35,15 +35,15 @@ mod periods;
 mod pyramid;
 mod recorder;
 mod screen;
-mod short;
 mod taus;
 mod term_value;
 mod vectors;
+mod windowed;
 
 pub use bare::{BareCurve, RecordLengthError, budget_of_curve};
 pub use budget::{
-    AxisBudget, CurvePoint, DisturbedRow, DisturbedRows, HadamardPoint, budget, budget_of_angles, budget_of_screened,
-    differences,
+    AxisBudget, CurvePoint, DisturbedRow, DisturbedRows, HadamardPoint, RecordUnit, budget, budget_of_angles,
+    budget_of_screened, differences,
 };
 pub use difference::{Deviation, Difference, SquareSum};
 pub use freedom::Stretches;
@@ -54,6 +54,6 @@ pub use periods::{Period, Series};
 pub use pyramid::{FULL_OVERLAP, served};
 pub use recorder::{HELD_PHASES, MOST_ROWS, Recorded, Recorder};
 pub use screen::{Disturbed, MOST_DISTURBED_PART, MOST_LOST_PART, RowPlace, Screen, Screened};
-pub use short::{NoiseTerms, ShortTau, ShortTauSums};
 pub use taus::{MOST_TAUS, TauError, Taus};
-pub use term_value::{CONFIDENCE, TermValue, Terms};
+pub use term_value::{CONFIDENCE, MeasuredNoise, NoiseTerms, TermValue, Terms};
+pub use windowed::{FILLED, JudgedWindow, WindowSquares, WindowedCurve, WindowedDifferences};

@@ -9,12 +9,12 @@
 
 use crate::difference::Deviation;
 use crate::freedom::{Record, Stretches};
-use crate::laws::bootstrap::{Spread, TermUncertainty};
+use crate::laws::bootstrap::{Estimates, Spread, TermUncertainty};
 use crate::laws::law_range::Agreement;
 use crate::laws::slope::{Slope, slope_of};
-use crate::laws::terms::{AllanTerm, FittedTerms, Laws, Point};
+use crate::laws::terms::{AllanTerm, FittedTerms, Laws, Point, WHITE};
 use crate::periods::Period;
-use crate::term_value::{CONFIDENCE, TermValue, Terms, interval};
+use crate::term_value::{CONFIDENCE, MeasuredNoise, NORMAL_975, NoiseTerms, TermValue, Terms, interval};
 use sagnac_units::format::significant;
 use serde::Serialize;
 
@@ -23,8 +23,10 @@ use serde::Serialize;
 const MISFIT: f64 = 4.0;
 /// Least ratio of τ·σ² at neighbouring octaves behind a filter: scatter, and the overshoot of four poles.
 const RISES: f64 = 0.85;
-/// Octaves from the shortest on that a dither or a beat may shape.
+/// Octaves from the shortest on that a dither or an unknown beat may shape.
 const MOST_OF_DITHER: usize = 4;
+/// Mean square of the second difference of a phase in whole counts, over the count: each of its three roundings is below one.
+const MOST_OF_ROUNDING: f64 = 4.0;
 /// Highest σ² behind a low-pass filter, over N² and its frequency.
 const HIGHEST_OF_FILTER: f64 = 1.2;
 /// Uncertainty of a period's part in σ², and the least of σ² that is not a period's.
@@ -34,6 +36,8 @@ const LEAST_REST: f64 = 0.02;
 const BEYOND_CHANCE: f64 = 0.999;
 /// Scatter about the five laws, as a part of σ, beyond which they do not describe a curve at all.
 const MOST_SCATTER: f64 = 0.1;
+/// Standard errors of N² from which on short τ determine it.
+const DETERMINED: f64 = 5.0;
 /// Halvings in the search for the scatter that explains a misfit.
 const HALVINGS: usize = 40;
 /// Fewest τ that separate the terms.
@@ -80,6 +84,13 @@ fn rises(points: &[RawPoint]) -> bool {
     points.windows(2).all(|pair| of(&pair[1]) > RISES * of(&pair[0]))
 }
 
+/// Rounding to counts explains these octaves: σ²·τ² is half of a mean square. It beats with the rate until the noise of the angle
+/// reaches a count.
+pub(crate) fn is_rounding(points: &[RawPoint], tau0_s: f64, count_arcsec: f64) -> bool {
+    let most = MOST_OF_ROUNDING * count_arcsec * count_arcsec / 2.0;
+    points.iter().all(|p| p.variance * (p.m * tau0_s).powi(2) <= most)
+}
+
 /// The five terms of a curve, with the known properties of its record.
 pub(crate) struct Model<'a> {
     pub(crate) fitted: Option<FittedTerms>,
@@ -90,6 +101,8 @@ pub(crate) struct Model<'a> {
     /// Of the octaves at which the laws hold.
     multiples: Vec<f64>,
     points: Vec<Point>,
+    /// Those that are fitted.
+    terms: &'static [AllanTerm],
     laws: Laws,
     /// The laws describe the points, or too few points to be judged.
     agrees: bool,
@@ -100,11 +113,11 @@ pub(crate) struct Model<'a> {
 }
 
 impl<'a> Model<'a> {
-    /// The laws from the first τ on at which they hold.
-    pub(crate) fn new(points: &[RawPoint], tau0_s: f64, stretches: &'a Stretches) -> Self {
-        let plain = Self::of(points, Laws::PLAIN, tau0_s, stretches);
+    /// The laws from the first τ on at which they hold. `count_arcsec` is one count of a record that consists of whole counts.
+    pub(crate) fn new(points: &[RawPoint], tau0_s: f64, stretches: &'a Stretches, count_arcsec: Option<f64>) -> Self {
+        let plain = Self::of(points, Laws::PLAIN, &AllanTerm::ALL, tau0_s, stretches);
         let Some(found) = plain.agreement().filter(|of| !of.holds || of.below_zero) else { return plain };
-        let from = |first: usize| Self::of(&points[first..], Laws::FILTERED, tau0_s, stretches);
+        let from = |first: usize| Self::of(&points[first..], Laws::FILTERED, &AllanTerm::ALL, tau0_s, stretches);
         let last = points.len().saturating_sub(FEWEST_TAUS);
         let mut agreements = (0..=last).map(|first| (first, from(first).agreement()));
         // One that cannot be judged ends the search.
@@ -116,8 +129,10 @@ impl<'a> Model<'a> {
         if !falls_short && plain.misfit().is_none() {
             return plain;
         }
-        // A dither or a beat ends within a few octaves; motion that goes on is not the end of one.
-        let first = first.map(|(first, _)| first).filter(|first| falls_short || *first <= MOST_OF_DITHER);
+        // A dither ends within a few octaves, a beat with counts where the noise exceeds one; motion that goes on is neither.
+        let beats = |first: usize| count_arcsec.is_some_and(|count| is_rounding(&points[..first], tau0_s, count));
+        let may_begin = |first: &usize| falls_short || *first <= MOST_OF_DITHER || beats(*first);
+        let first = first.map(|(first, _)| first).filter(may_begin);
         // What just passes is still bent. One octave more costs little; the tail of a filter's memory, e^(−τ/T), needs two.
         let more: &[usize] = if falls_short { &[2, 1] } else { &[1] };
         let later = |first: usize| more.iter().map(move |more| from((first + more).min(last)));
@@ -126,21 +141,32 @@ impl<'a> Model<'a> {
         Self { falls_short, ..lawful.unwrap_or(Self { agrees: false, ..plain }) }
     }
 
+    /// N and Q of points that white noise alone describes, where it determines N.
+    pub(crate) fn white_alone(points: &[RawPoint], tau0_s: f64, stretches: &'a Stretches) -> Option<MeasuredNoise> {
+        let model = Self::of(points, Laws::PLAIN, &WHITE, tau0_s, stretches);
+        let agreement = model.agreement().filter(|of| of.holds && !of.below_zero && model.misfit().is_none())?;
+        let (terms, sigma) = (model.noise()?, agreement.n2_sigma);
+        let n2 = terms.n_arcsec_rt_s.powi(2);
+        let ends = [-NORMAL_975, NORMAL_975].map(|sigmas| (n2 + sigmas * sigma).max(0.0).sqrt());
+        (n2 > DETERMINED * sigma).then_some(MeasuredNoise { terms, n_ends_arcsec_rt_s: Some(ends) })
+    }
+
     /// Of all points of a bare curve, whose rows nobody has seen.
     pub(crate) fn of_bare(points: &[RawPoint], tau0_s: f64, stretches: &'a Stretches) -> Self {
-        Self::of(points, Laws::PLAIN, tau0_s, stretches)
+        Self::of(points, Laws::PLAIN, &AllanTerm::ALL, tau0_s, stretches)
     }
 
     /// Of all of these points. Fit and degrees of freedom depend on each other: a few iterations.
-    fn of(raw: &[RawPoint], laws: Laws, tau0_s: f64, stretches: &'a Stretches) -> Self {
+    fn of(raw: &[RawPoint], laws: Laws, terms: &'static [AllanTerm], tau0_s: f64, stretches: &'a Stretches) -> Self {
         let point = |p: &RawPoint| Point { tau_s: p.m * tau0_s, variance: p.variance, edf: p.edf };
         let mut fit: Vec<Point> = raw.iter().map(point).collect();
         let mut model = Self {
-            fitted: laws.fit(&fit, &AllanTerm::ALL),
+            fitted: laws.fit(&fit, terms),
             scatter_edf: f64::INFINITY,
             uncertain: raw.iter().map(|p| p.uncertain).collect(),
             multiples: raw.iter().map(|p| p.m).collect(),
             points: Vec::new(),
+            terms,
             laws,
             agrees: true,
             falls_short: false,
@@ -152,7 +178,7 @@ impl<'a> Model<'a> {
                 let edf = model.edf(Deviation::Allan, raw.m).unwrap_or(raw.edf);
                 point.edf = (edf.recip() + raw.uncertain).recip();
             }
-            model.fitted = laws.fit(&fit, &AllanTerm::ALL);
+            model.fitted = laws.fit(&fit, terms);
         }
         model.explain_misfit(&fit);
         model.points = fit;
@@ -168,11 +194,11 @@ impl<'a> Model<'a> {
     /// Where the points lie too far from the model, finds the scatter that explains the misfit and fits again with it. Signals
     /// other than the five terms (dither, a period, a step) must not get weights as if they were known to a percent.
     fn explain_misfit(&mut self, points: &[Point]) {
-        let freedom = points.len().saturating_sub(AllanTerm::ALL.len()).max(1) as f64;
+        let freedom = points.len().saturating_sub(self.terms.len()).max(1) as f64;
         let with = |scatter_edf: f64| -> Option<(f64, FittedTerms)> {
             let spread: Vec<Point> =
                 points.iter().map(|p| Point { edf: (1.0 / p.edf + 1.0 / scatter_edf).recip(), ..*p }).collect();
-            let fitted = self.laws.fit(&spread, &AllanTerm::ALL)?;
+            let fitted = self.laws.fit(&spread, self.terms)?;
             let away = |p: &Point| p.edf / 2.0 * (p.variance / fitted.variance(p.tau_s) - 1.0).powi(2);
             Some((spread.iter().map(away).sum::<f64>() / freedom, fitted))
         };
@@ -224,10 +250,7 @@ impl<'a> Model<'a> {
             return Terms::from_each(|term| TermValue::Unresolved { unresolved: self.without_law(term) });
         }
         let longest_s = self.multiples.last().map_or(0.0, |m| m * self.tau0_s);
-        let (measured, multiples, laws) = (&self.points[..], &self.multiples[..], self.laws);
-        let scatter: Vec<f64> = self.uncertain.iter().map(|own| own + self.scatter_edf.recip()).collect();
-        let uncertainty = TermUncertainty { record: &record, measured, multiples, scatter: &scatter, laws };
-        let estimates = uncertainty.of_terms(fitted);
+        let estimates = self.estimates(fitted, &record);
         let mut spreads = estimates.spreads.into_iter();
         Terms::from_each(|term| match spreads.next() {
             Some(Spread::Interval { lower, upper }) => match self.not_shown(term, fitted, lower) {
@@ -251,6 +274,36 @@ impl<'a> Model<'a> {
             }
             None => TermValue::Unresolved { unresolved: "no curve could be drawn from the model".to_owned() },
         })
+    }
+
+    fn estimates(&self, fitted: &FittedTerms, record: &Record<'_>) -> Estimates {
+        let (measured, multiples, laws) = (&self.points[..], &self.multiples[..], self.laws);
+        let scatter: Vec<f64> = self.uncertain.iter().map(|own| own + self.scatter_edf.recip()).collect();
+        TermUncertainty { record, measured, multiples, scatter: &scatter, laws }.of_terms(fitted)
+    }
+
+    /// The laws describe the curve, which has enough octaves for a judgement.
+    pub(crate) fn describes(&self) -> bool {
+        self.agrees && self.misfit().is_none() && self.agreement().is_some()
+    }
+
+    /// N and Q; `None` where a filter shapes the whole curve. Q is zero where a filter hides it.
+    pub(crate) fn noise(&self) -> Option<NoiseTerms> {
+        let fitted = self.fitted.filter(|_| self.filtered() != Some(0.0))?;
+        let q_arcsec = fitted.coefficient(AllanTerm::Quantization).max(0.0).sqrt();
+        Some(NoiseTerms { n_arcsec_rt_s: fitted.root(AllanTerm::AngleRandomWalk), q_arcsec })
+    }
+
+    /// 95 % interval of N, arcsec/√s; from zero where N is not resolved.
+    pub(crate) fn walk_ends(&self) -> Option<[f64; 2]> {
+        let (fitted, record) = (self.fitted.as_ref()?, self.record(Deviation::Allan)?);
+        let spreads = AllanTerm::ALL.into_iter().zip(self.estimates(fitted, &record).spreads);
+        let walk = spreads.into_iter().find(|(term, _)| *term == AllanTerm::AngleRandomWalk);
+        match walk?.1 {
+            Spread::Interval { lower, upper } => Some([lower, upper]),
+            Spread::Unresolved { at_most } => Some([0.0, at_most]),
+            Spread::Hidden => None,
+        }
     }
 
     /// Why there is no term. A filter lowers the curve at short τ, so that it bounds the slow terms only.

@@ -84,16 +84,32 @@ impl Pyramid {
 
     /// Ends the stretch.
     pub(crate) fn end_stretch(&mut self) {
+        self.collect(Running::take);
+        self.phases = 0;
+    }
+
+    fn collect(&mut self, take: impl Fn(&mut Running) -> Vec<SquareSum>) {
         for level in &mut self.levels {
-            for (place, sum) in level.places.iter().zip(level.running.take()) {
+            for (place, sum) in level.places.iter().zip(take(&mut level.running)) {
                 self.sums[*place].merge(sum);
             }
         }
-        self.phases = 0;
     }
 
     /// Sums in the order of `wanted`.
     pub(crate) fn sums(&self) -> &[SquareSum] {
         &self.sums
+    }
+
+    /// The sums since they were last taken; the stretch goes on.
+    pub(crate) fn take_so_far(&mut self) -> Vec<SquareSum> {
+        self.collect(Running::take_so_far);
+        let wanted = self.sums.len();
+        std::mem::replace(&mut self.sums, vec![SquareSum::default(); wanted])
+    }
+
+    /// Phases of this stretch so far.
+    pub(crate) fn len(&self) -> u64 {
+        self.phases
     }
 }

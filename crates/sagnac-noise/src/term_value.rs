@@ -6,8 +6,61 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use crate::laws::terms::AllanTerm;
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
+/// 97.5 % quantile of the normal distribution.
+pub(crate) const NORMAL_975: f64 = 1.96;
+
 /// Confidence of every interval here.
 pub const CONFIDENCE: f64 = 0.95;
+
+/// N and Q.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NoiseTerms {
+    /// Angle random walk, arcsec/√s.
+    pub n_arcsec_rt_s: f64,
+    /// Quantization, arcsec.
+    pub q_arcsec: f64,
+}
+
+impl NoiseTerms {
+    /// Angle random walk in °/√h.
+    pub fn n_deg_rt_h(&self) -> f64 {
+        self.n_arcsec_rt_s / ARCSEC_RT_S_PER_DEG_RT_H
+    }
+
+    /// σ of the mean rate over `tau_s` that this noise alone makes, °/h: √(N²/τ + 2Q²/τ²).
+    pub fn floor_dph(&self, tau_s: f64) -> f64 {
+        (self.n_arcsec_rt_s.powi(2) / tau_s + 2.0 * self.q_arcsec.powi(2) / tau_s.powi(2)).sqrt()
+    }
+}
+
+/// The noise of a log.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MeasuredNoise {
+    /// N and Q.
+    pub terms: NoiseTerms,
+    /// 95 % interval of N, arcsec/√s; from zero where N is not resolved, and `None` where the five laws do not describe the curve.
+    pub n_ends_arcsec_rt_s: Option<[f64; 2]>,
+}
+
+impl MeasuredNoise {
+    /// Noise that is stated, without an uncertainty.
+    pub fn stated(terms: NoiseTerms) -> Self {
+        Self { terms, n_ends_arcsec_rt_s: None }
+    }
+
+    /// N in °/√h, and the ends of its interval.
+    pub fn n_deg_rt_h(&self) -> (f64, Option<[f64; 2]>) {
+        let ends = self.n_ends_arcsec_rt_s.map(|ends| ends.map(|end| end / ARCSEC_RT_S_PER_DEG_RT_H));
+        (self.terms.n_deg_rt_h(), ends)
+    }
+
+    /// Standard error of [`NoiseTerms::floor_dph`] as a part of it: that of N.
+    pub fn relative_sigma_of_floor(&self, tau_s: f64) -> f64 {
+        let Some([lower, upper]) = self.n_ends_arcsec_rt_s else { return 0.0 };
+        let sigma = (upper - lower) / (2.0 * NORMAL_975);
+        self.terms.n_arcsec_rt_s * sigma / tau_s / self.terms.floor_dph(tau_s).powi(2)
+    }
+}
 
 /// A term of the budget.
 #[derive(Clone, Debug, PartialEq, Serialize)]

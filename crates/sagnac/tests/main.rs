@@ -7,6 +7,7 @@ const IS_STUDY: bool = false;
 mod acceptance;
 mod allan;
 mod any_bytes;
+mod clocks;
 mod compare_limits;
 mod copies;
 mod counts;

@@ -16,16 +16,18 @@ use crate::error::{Error, Result};
 use crate::ingest::bytes::source::{HashHandle, Source, Watch};
 use crate::ingest::checks::align::Aligner;
 use crate::ingest::checks::batch::Batch;
-use crate::ingest::checks::interval::nominal_interval;
 use crate::ingest::checks::reason::Tallies;
 use crate::ingest::checks::rows::{self, CounterEnd, RowValidator};
 use crate::ingest::checks::running_total::RunningTotal;
 use crate::ingest::checks::sketch::Sketch;
 use crate::ingest::checks::turntable::TableRates;
+use crate::ingest::clock::even::EvenClock;
+use crate::ingest::clock::interval::row_clock;
+use crate::ingest::clock::unbroken::UnbrokenClock;
 use crate::ingest::columns::feed::{Opened, Purpose, ReadMode};
 use crate::ingest::columns::header::{Content, Layout, TableColumn};
 use crate::ingest::columns::log_shape::{AngleUnit, LogShape};
-use crate::ingest::columns::raw::RawRows;
+use crate::ingest::columns::raw::{MAX_TIME, RawRows};
 use crate::ingest::formats::Format;
 use crate::ingest::pieces::Pieces;
 use crate::setup::{Counter, Setup};
@@ -47,6 +49,8 @@ pub struct LogSummary {
     pub rows_sketch: String,
     /// Its clock restarts and its running total goes on: its times go on from the file before.
     pub follows_by_counter: bool,
+    /// Wraps and restarts of its clock, a sentence each.
+    pub clock: Vec<String>,
 }
 
 /// Batches that are passed on before a thread is started for them.
@@ -73,6 +77,10 @@ pub struct LogReader {
     name: String,
     /// Added to every time: not zero where it follows another file by its counter.
     offset_ns: Option<i64>,
+    /// Of a log with times.
+    unbroken: Option<UnbrokenClock>,
+    /// Of stamps that are not the times of their rows.
+    even: Option<EvenClock>,
     assumed: Vec<String>,
 }
 
@@ -135,7 +143,8 @@ impl LogReader {
         let mut pieces = Pieces::new(feed, lines_before, mode != ReadMode::LineByLine);
         let unit = angle_unit(&layout, setup)?;
         let mut ahead = VecDeque::new();
-        let nominal_ns = nominal_interval(&mut pieces, &layout, setup, mode, &mut ahead)?;
+        let row_clock = row_clock(&mut pieces, &layout, setup, mode, &mut ahead)?;
+        let nominal_ns = row_clock.nominal_ns;
         let shape = LogShape {
             axes: layout.axes.iter().map(|(_, axis, _)| *axis).collect(),
             thermometers: layout.temperatures.iter().map(|(_, name, _)| name.clone()).collect(),
@@ -153,6 +162,7 @@ impl LogReader {
         let batch = Batch::for_shape(&shape);
         let align = Aligner::new(ns_from_s(setup.temperature_offset_s).unwrap_or(0));
         let rows = RawRows::default();
+        let layout_places = layout.time.map(|(_, places)| places);
         let column = layout.reference.map_or(TableColumn::Rate, |(_, column)| column);
         // Output that is written row by row must not wait for table marks; only fits and verifications need them.
         let column = if mode != ReadMode::Bulk && column == TableColumn::Mark { TableColumn::Rate } else { column };
@@ -178,7 +188,9 @@ impl LogReader {
             is_stream: mode == ReadMode::LineByLine,
             name: name.to_owned(),
             offset_ns: None,
-            assumed,
+            unbroken: layout_places.map(|places| UnbrokenClock::new(nominal_ns, places)),
+            even: row_clock.even.map(EvenClock::new),
+            assumed: assumed.into_iter().chain(row_clock.words()).collect(),
         })
     }
 
@@ -336,6 +348,10 @@ impl LogReader {
             let totals = self.running_total.as_ref().map_or(Ok(()), |watch| watch.check(&self.shape.axes));
             return totals.map(|()| false).map_err(|e| e.file(&self.name));
         }
+        if self.rows.begins_run {
+            self.check.begin_run();
+            self.batch.begins_run = true;
+        }
         self.check.push(&mut self.rows, &mut self.batch)?;
         if let Some(sketch) = &mut self.sketch {
             sketch.push(&self.batch, self.shape.unit != AngleUnit::Arcsec);
@@ -381,8 +397,17 @@ impl LogReader {
             None => self.pieces.next(&mut self.rows).map_err(|e| e.file(&self.name))?,
         };
         if let Some(offset_ns) = self.offset_ns {
-            let known = self.rows.time_ns.iter_mut().filter(|t| t.unsigned_abs() < rows::MAX_TIME);
+            let known = self.rows.time_ns.iter_mut().filter(|t| t.unsigned_abs() < MAX_TIME);
             known.for_each(|t| *t = t.saturating_add(offset_ns));
+        }
+        if let Some(clock) = self.unbroken.as_mut().filter(|_| more) {
+            if let (true, Some(even)) = (self.rows.begins_run, &mut self.even) {
+                even.restart();
+            }
+            if let Some(rest) = clock.mend(&mut self.rows) {
+                self.ahead.push_front(rest);
+            }
+            self.even.iter_mut().for_each(|even| even.replace(&mut self.rows));
         }
         Ok(more)
     }
@@ -396,6 +421,7 @@ impl LogReader {
             tallies: self.check.tallies.clone(),
             rows_sketch: self.sketch.as_ref().map_or_else(String::new, Sketch::hex),
             follows_by_counter: self.offset_ns.is_some(),
+            clock: self.unbroken.as_ref().map_or_else(Vec::new, UnbrokenClock::words),
         }
     }
 }

@@ -18,6 +18,7 @@
 mod arrow;
 mod bytes;
 mod checks;
+mod clock;
 mod columns;
 mod formats;
 mod log_reader;

@@ -21,7 +21,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use crate::freedom::Record;
+use crate::freedom::{FAR, Record};
 use crate::laws::terms::{AllanTerm, FittedTerms, Laws, Point, deviance};
 
 /// Curves drawn.
@@ -41,8 +41,6 @@ const LEAST_RATIO: f64 = 0.2;
 /// Halvings in search of an end, and doublings to enclose it.
 const HALVINGS: usize = 20;
 const DOUBLINGS: usize = 60;
-/// Points farther apart than this in τ count as independent.
-const FAR: f64 = 64.0;
 /// Fixed, so that the same record gives the same intervals.
 const SEED: u64 = 0x5a67_6e61_6331_3131;
 

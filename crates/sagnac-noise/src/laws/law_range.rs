@@ -42,6 +42,8 @@ pub(crate) struct Agreement {
     pub(crate) holds: bool,
     /// The coefficient of 1/τ² is below zero by more than chance, by the shortest octaves.
     pub(crate) below_zero: bool,
+    /// Standard error of the coefficient of 1/τ, by the whole curve where it can be judged, else by its head.
+    pub(crate) n2_sigma: f64,
 }
 
 impl Agreement {
@@ -68,8 +70,9 @@ impl Agreement {
         let each = SLOW.map(|term| move |tau_s: f64| term.variance(tau_s));
         let whole = curve(judged).generalised(record, &each.each_ref().map(|of| of as &dyn Fn(f64) -> f64));
         Some(Self {
-            holds: head.is_chance() && whole.is_none_or(|whole| whole.is_chance()),
+            holds: head.is_chance() && whole.as_ref().is_none_or(Generalised::is_chance),
             below_zero: head.q2 < -BELOW_ZERO * head.q2_sigma,
+            n2_sigma: whole.as_ref().map_or(head.n2_sigma, |whole| whole.n2_sigma),
         })
     }
 }
@@ -93,6 +96,8 @@ struct Generalised {
     /// Coefficient of 3/τ², and its standard error.
     q2: f64,
     q2_sigma: f64,
+    /// Standard error of that of 1/τ.
+    n2_sigma: f64,
 }
 
 impl Curve<'_> {
@@ -103,11 +108,12 @@ impl Curve<'_> {
         if size < FEWEST || model.iter().any(|f| f.is_nan() || *f <= 0.0) {
             return None;
         }
-        let covariance = DMatrix::from_fn(size, size, |i, j| {
-            let (lesser, greater) = (self.multiples[i.min(j)], self.multiples[i.max(j)]);
-            let shared = record.covariance(lesser, greater) / (model[i] * model[j]);
-            if i == j { shared * (1.0 + OF_ITS_OWN) + 2.0 * self.uncertain[i] } else { shared }
-        });
+        let mut covariance = DMatrix::zeros(size, size);
+        for (i, j) in (0..size).flat_map(|i| (0..=i).map(move |j| (i, j))) {
+            let shared = record.covariance(self.multiples[j], self.multiples[i]) / (model[i] * model[j]);
+            let all = if i == j { shared * (1.0 + OF_ITS_OWN) + 2.0 * self.uncertain[i] } else { shared };
+            (covariance[(i, j)], covariance[(j, i)]) = (all, all);
+        }
         let errors = covariance.cholesky()?.l();
         // Over the model, whitened, of unit length; and the length before.
         let whitened = |of: &dyn Fn(usize) -> f64| {
@@ -136,11 +142,13 @@ impl Curve<'_> {
                 columns.remove(below);
                 continue;
             }
+            let inverse = factor.inverse();
             return Some(Generalised {
                 rest: (&y - &x * &beta).norm_squared(),
                 freedom: size.saturating_sub(columns.len()),
                 q2: beta[0] / quantization.1,
-                q2_sigma: factor.inverse()[(0, 0)].sqrt() / quantization.1,
+                q2_sigma: inverse[(0, 0)].sqrt() / quantization.1,
+                n2_sigma: inverse[(1, 1)].sqrt() / walk.1,
             });
         }
     }

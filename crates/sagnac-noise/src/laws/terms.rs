@@ -115,6 +115,9 @@ pub(crate) struct Laws {
     pub(crate) filtered: bool,
 }
 
+/// The terms of white noise of the rate and of the phase.
+pub(crate) const WHITE: [AllanTerm; 2] = [AllanTerm::Quantization, AllanTerm::AngleRandomWalk];
+
 impl Laws {
     /// No coefficient is below zero.
     pub(crate) const PLAIN: Self = Self { filtered: false };

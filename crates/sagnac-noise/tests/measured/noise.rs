@@ -1,5 +1,6 @@
 //! Five simulated terms, seed by seed, against the intervals of the estimates.
 
+mod counted;
 mod shaped;
 
 #[path = "../../../sagnac/tests/support/evidence.rs"]
@@ -7,7 +8,7 @@ mod shaped;
 mod evidence;
 
 use evidence::{Records, evidence};
-use sagnac_noise::{AllanTerm, Taus, TermValue, budget_of_angles};
+use sagnac_noise::{AllanTerm, RecordUnit, Taus, TermValue, budget_of_angles};
 use sagnac_sim::{NoiseConfig, Resting};
 
 const SEEDS: Records = Records::new(100).few(30);
@@ -30,7 +31,8 @@ fn coverage(resting: &Resting) -> [(u32, u32); 5] {
     let truth = truth_of(resting);
     let mut counts = [(0, 0); 5];
     for seed in SEEDS.each().map(|seed| seed + 1) {
-        let budget = budget_of_angles(&resting.angles(SECONDS, seed), 1.0, &Taus::Octaves).unwrap();
+        let budget =
+            budget_of_angles(&resting.angles(SECONDS, seed), RecordUnit::Angle(1.0), 1.0, &Taus::Octaves).unwrap();
         for (i, term) in AllanTerm::ALL.into_iter().enumerate() {
             if let TermValue::Found { lower: Some(lower), upper: Some(upper), .. } = budget.terms.get(term) {
                 counts[i].0 += u32::from((*lower..=*upper).contains(&truth[i]));
@@ -117,7 +119,8 @@ fn check_bounds(resting: &Resting, seconds: usize, most_times: [f64; 5]) -> f64 
     let truth = truth_of(resting);
     let (mut counts, mut bounds) = ([[0; 3]; 5], [const { Vec::new() }; 5]);
     for seed in SEEDS.each().map(|seed| seed + 1) {
-        let budget = budget_of_angles(&resting.angles(seconds, seed), 1.0, &Taus::Octaves).unwrap();
+        let budget =
+            budget_of_angles(&resting.angles(seconds, seed), RecordUnit::Angle(1.0), 1.0, &Taus::Octaves).unwrap();
         for (i, term) in AllanTerm::ALL.into_iter().enumerate() {
             let place = match budget.terms.get(term) {
                 TermValue::Found { lower: Some(lower), upper: Some(upper), value } => {
@@ -177,7 +180,7 @@ fn a_sine_hides_no_random_walk() {
         let mut dice = Dice(seed.wrapping_mul(0x2545_f491_4f6c_dd1d));
         let sine = |row: u32| 1.5 * (std::f64::consts::TAU * f64::from(row) / 40.0).sin();
         let angles: Vec<f64> = (1..=8192).map(|row| dice.normal() + sine(row)).collect();
-        let budget = budget_of_angles(&angles, 1.0, &Taus::Octaves).unwrap();
+        let budget = budget_of_angles(&angles, RecordUnit::Angle(1.0), 1.0, &Taus::Octaves).unwrap();
         let TermValue::Found { lower: Some(lower), upper: Some(upper), .. } =
             budget.terms.get(AllanTerm::AngleRandomWalk)
         else {

@@ -3,10 +3,10 @@
 use std::ops::Range;
 
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{Batch, Bridge, LogShape, Logs, Tallies, Tally, same_shape};
+use sagnac_log::ingest::{AngleUnit, Batch, Bridge, LogShape, Logs, Tallies, Tally, same_shape};
 use sagnac_log::setup::Setup;
 use sagnac_noise::{
-    AxisBudget, HELD_PHASES, MOST_ROWS, MOST_TAUS, Period, RowPlace, Screen, Screened, TauError, Taus,
+    AxisBudget, HELD_PHASES, MOST_ROWS, MOST_TAUS, Period, RecordUnit, RowPlace, Screen, Screened, TauError, Taus,
     budget_of_screened, differences, served,
 };
 use sagnac_units::format::significant;
@@ -94,6 +94,7 @@ pub fn noise_budget<'a>(
         reading.end_run();
         let summary = log.summary();
         reading.tallies.merge(&summary.tallies);
+        reading.warnings.extend(summary.clock.iter().map(|what| format!("{name}: {what}")));
         reading.inputs.push(LogFile::of(&summary));
     }
     reading.finish(&shape, &shown, request)
@@ -254,6 +255,9 @@ impl Reading {
         for rate in batch.reference_dps.iter().filter(|rate| rate.is_finite()) {
             self.table_dps = [self.table_dps[0].min(*rate), self.table_dps[1].max(*rate)];
         }
+        if batch.begins_run {
+            self.end_run();
+        }
         let Some(drift) = drift else { return self.pieces(batch, &batch.angle, None) };
         let mut angles = std::mem::take(&mut self.angles);
         angles.clone_from(&batch.angle);
@@ -391,10 +395,14 @@ impl Reading {
             let file = self.inputs.get(place.log as usize).map_or("", |input| input.file.as_str());
             format!("{file}:{}", place.line)
         };
+        let unit = match shape.unit {
+            AngleUnit::Quanta { .. } => RecordUnit::Count(self.arcsec),
+            AngleUnit::Arcsec => RecordUnit::Angle(self.arcsec),
+        };
         let axes = shape.axes.iter().zip(&screened).map(|(letter, screened)| {
             let shown_as = |asked: usize| if screened.used.full_overlap { asked } else { served(asked) };
             let asked = |m: usize| m <= limit && shown.iter().any(|asked| shown_as(*asked) == m);
-            budget_of_screened(*letter, screened, tau0_s, self.arcsec, asked, place)
+            budget_of_screened(*letter, screened, tau0_s, unit, asked, place)
         });
         let axes: Vec<AxisBudget> = axes.collect();
         warnings.extend(axes.iter().filter_map(law_range_text));

@@ -63,5 +63,13 @@ impl LogFile {
 
 /// The logs behind some windows.
 pub(crate) fn log_files(windows: &Windows) -> Vec<LogFile> {
-    windows.runs.iter().flat_map(|run| &run.files).map(|file| LogFile::of(&file.summary)).collect()
+    let mut files: Vec<LogFile> = Vec::new();
+    for file in windows.runs.iter().flat_map(|run| &run.files).map(|file| LogFile::of(&file.summary)) {
+        // Runs of one file, whose clock starts again within it.
+        match files.last_mut().filter(|last| last.sha256 == file.sha256) {
+            Some(last) => *last = LogFile { rows: last.rows + file.rows, ..file },
+            None => files.push(file),
+        }
+    }
+    files
 }

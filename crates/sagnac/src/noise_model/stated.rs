@@ -1,4 +1,4 @@
-//! The noise of an axis as its setup states it, otherwise as the short deviations of the log show it.
+//! The noise of an axis as its setup states it, otherwise as the Allan deviations of the log show it.
 //!
 //! Fails for rows without times: they have neither a floor nor slow noise.
 
@@ -6,22 +6,23 @@ use crate::calibration::NoiseFloor;
 use crate::noise_model::processes::SlowNoise;
 use crate::window::Windows;
 use sagnac_log::setup::Setup;
-use sagnac_noise::NoiseTerms;
+use sagnac_noise::{MeasuredNoise, NoiseTerms};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
-/// N and Q of an axis: as given, otherwise measured; with their origin in words.
-pub(crate) fn noise_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<(NoiseTerms, &'static str)> {
+/// The noise of an axis: as given, otherwise measured; with its origin in words.
+pub(crate) fn noise_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<(MeasuredNoise, &'static str)> {
     windows.shape.window.seconds()?;
     if let Some(given) = setup.noise {
         let n_arcsec_rt_s = given.n_deg_rt_h * ARCSEC_RT_S_PER_DEG_RT_H;
-        return Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: given.q_arcsec }, "setup"));
+        let given = NoiseTerms { n_arcsec_rt_s, q_arcsec: given.q_arcsec };
+        return Some((MeasuredNoise::stated(given), "setup"));
     }
-    windows.measured_noise(axis).map(|terms| (terms, "short-tau Allan deviations of the log"))
+    windows.measured_noise(axis).map(|noise| (noise, "Allan deviations of the log"))
 }
 
 /// The noise floor of a nominal window.
 pub(crate) fn noise_floor_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<NoiseFloor> {
-    let (terms, source) = noise_of(windows, axis, setup)?;
+    let (MeasuredNoise { terms, .. }, source) = noise_of(windows, axis, setup)?;
     let value_dph = Some(terms.floor_dph(windows.shape.nominal_s)).filter(|value| value.is_finite() && *value > 0.0)?;
     Some(NoiseFloor { value_dph, n_deg_rt_h: terms.n_deg_rt_h(), q_arcsec: terms.q_arcsec, source: source.to_owned() })
 }

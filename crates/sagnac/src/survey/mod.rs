@@ -126,7 +126,7 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
     };
     let axis = |(at, letter): (usize, &char)| AxisSurvey {
         axis: *letter,
-        arw_deg_rt_h: windows.measured_noise(at).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0),
+        arw_deg_rt_h: windows.measured_noise(at).map(|noise| noise.terms.n_deg_rt_h()).filter(|n| *n > 0.0),
         slope_dph_per_c: tried.as_ref().ok().and_then(|calibration| slope(calibration.axis(*letter).ok()?)),
         unanswered: limits.iter().find(|(axis, _)| axis == letter).map(|(_, all)| all.clone()),
     };
@@ -137,6 +137,7 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
         (Err(refusal), Err(why)) => (GoodFor::Nothing, Some(format!("{why}; {}", refusal.what))),
     };
     let mut cautions: Vec<String> = thermometers.iter().flat_map(|one| one.faults.clone()).collect();
+    cautions.extend(windows.runs.iter().flat_map(|run| &run.files).flat_map(|file| file.summary.clock.clone()));
     cautions.extend(rows_missing(windows));
     cautions.extend(readings_do_not_hold(windows).then(|| READINGS_HOLD.to_owned()));
     if good_for == GoodFor::Calibration {

@@ -26,7 +26,9 @@ use sagnac_units::format::celsius;
 pub struct RetestNoiseFloor {
     /// σ of the used windows from noise alone, °/h: root mean square of √(N²/τ + 2Q²/τ²) over their lengths τ.
     pub value_dph: f64,
-    /// The same in the unit of the values.
+    /// Its standard error, °/h; zero where N was stated, or where the laws do not describe the curve of the rows.
+    pub sigma_dph: f64,
+    /// The floor in the unit of the values.
     pub value: f64,
     /// Expected max − min of the largest run's n windows of white noise, in the unit of the values.
     pub expected_peak_to_peak: f64,

@@ -9,17 +9,19 @@ use crate::window::windows::{Run, RunFile, WindowRows, WindowShape, Windows};
 use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{
-    Batch, CounterEnd, LogReader, LogShape, LogSummary, Logs, Reason, Sketches, Tallies, same_shape,
+    AngleUnit, Batch, CounterEnd, LogReader, LogShape, LogSummary, Logs, Reason, Sketches, Tallies, same_shape,
 };
 use sagnac_log::memory::MemoryBudget;
 use sagnac_log::setup::{RunDivision, Setup, TableRun, WindowSize};
-use sagnac_noise::ShortTau;
+use sagnac_noise::{FILLED, WindowedDifferences};
 use sagnac_units::{ns_from_s, s_from_ns};
 
 /// Bytes of a window apart from its columns: times, samples, line, reference, reason.
 const WINDOW_BYTES: usize = 64;
-/// Bytes of an axis in a window: angle, status, and the sums at short τ in a list of their own.
-const AXIS_BYTES: usize = 136;
+/// Bytes of an axis in a window: angle, status, and the list of squares.
+const AXIS_BYTES: usize = 48;
+/// Bytes of an octave of the squares.
+const OCTAVE_BYTES: usize = 16;
 /// Bytes of a thermometer or auxiliary column in a window: mean, variance, least, largest.
 const COLUMN_BYTES: usize = 32;
 /// A column that grows has up to this many times the length that it needs.
@@ -38,8 +40,12 @@ pub struct WindowBuilder {
     tick_ns: i64,
     rows: WindowRows,
     runs: Vec<Run>,
-    short_tau: Vec<ShortTau>,
+    differences: Vec<WindowedDifferences>,
+    /// Where the stretch of those differences ends, ns.
+    stretch_end_ns: Option<i64>,
     run: Option<OpenRun>,
+    /// Name of the file that is being read.
+    file: String,
     /// Length of each row of the batch at hand, ns.
     weights: Vec<f64>,
     /// Columns whose track is kept: thermometers, then auxiliary columns.
@@ -61,8 +67,10 @@ struct OpenRun {
     tracks: Tracks,
     /// Files that were read to their end.
     files: Vec<RunFile>,
-    /// Start of the file that is being read, ns.
+    /// The file that is being read: its start, ns, its name, and usable rows of it.
     file_start_ns: i64,
+    file: String,
+    file_rows: u64,
 }
 
 /// Logs that were read: one whose bytes or rows came before would count twice.
@@ -110,12 +118,14 @@ impl WindowBuilder {
         }
         let window = if log.timed { window } else { WindowSize::ROW };
         let nominal_s = window.seconds().unwrap_or(sample_interval_s);
-        let longest = if window == WindowSize::ROW { 0.0 } else { nominal_s / 4.0 };
+        // A row alone has no noise next to the others.
+        let noise_s = if window == WindowSize::ROW { 0.0 } else { nominal_s };
         let shape = WindowShape {
             axes: log.axes.clone(),
             thermometers: log.thermometers.clone(),
             aux: log.aux.clone(),
             unit: log.unit,
+            is_turned: log.has_reference || !setup.tables.is_empty(),
             timed: log.timed,
             window,
             nominal_s,
@@ -125,7 +135,7 @@ impl WindowBuilder {
         let columns = |n: usize| vec![Vec::new(); n];
         let rows = WindowRows {
             angle: columns(log.axes.len()),
-            short_tau: vec![Vec::new(); log.axes.len()],
+            squares: vec![Vec::new(); log.axes.len()],
             mean_c: columns(log.thermometers.len()),
             variance_c2: columns(log.thermometers.len()),
             min_c: columns(log.thermometers.len()),
@@ -138,7 +148,8 @@ impl WindowBuilder {
         };
         Ok(Self {
             log: log.clone(),
-            short_tau: vec![ShortTau::new(sample_interval_s, longest); log.axes.len()],
+            differences: vec![WindowedDifferences::new(sample_interval_s, noise_s); log.axes.len()],
+            stretch_end_ns: None,
             window_ns: shape.window.seconds().map(window_ns),
             shape,
             division: setup.runs,
@@ -148,6 +159,7 @@ impl WindowBuilder {
             rows,
             runs: Vec::new(),
             run: None,
+            file: String::new(),
             weights: Vec::new(),
             tracks: log.thermometers.len() + log.aux.len(),
             table_spread_dps: Vec::new(),
@@ -200,24 +212,31 @@ impl WindowBuilder {
         self.push_corrected(batch, &batch.angle, &[])
     }
 
-    /// The same of corrected rows: `unrounded` are the angles before rounding to whole counts, whose short-τ deviations
-    /// measure the noise; `status` has the bits of each row, per axis.
+    /// The same of corrected rows: `unrounded` are the angles before rounding to whole counts, whose Allan
+    /// deviations measure the noise; `status` has the bits of each row, per axis.
     pub(crate) fn push_corrected(
         &mut self,
         batch: &Batch,
         unrounded: &[Vec<f64>],
         status: &[Vec<Status>],
     ) -> Result<()> {
+        if batch.begins_run {
+            self.restart();
+        }
         let (Some(first_ns), Some(last_ns)) = (batch.start_ns.first(), batch.end_ns.last()) else { return Ok(()) };
-        let run = self.run.get_or_insert_with(|| OpenRun::new(*first_ns, self.tracks));
+        let (file, tracks) = (&self.file, self.tracks);
+        let run = self.run.get_or_insert_with(|| OpenRun::new(*first_ns, tracks, file));
         run.end_ns = *last_ns;
+        run.file_rows += batch.len() as u64;
         if self.shape.timed {
             let kept: usize = self.runs.iter().flat_map(|run| &run.tracks).map(Vec::len).sum();
             let grid = Grid::new(self.tick_ns, self.shape.period_ns, self.tracks, kept, self.memory);
             run.tracks.sample(batch, &self.log, grid)?;
         }
         let columns = self.log.thermometers.len() + self.log.aux.len();
-        let bytes_each = GROWTH * (WINDOW_BYTES + AXIS_BYTES * self.log.axes.len() + COLUMN_BYTES * columns);
+        let octaves: usize = self.differences.iter().map(WindowedDifferences::octaves).sum();
+        let axes = AXIS_BYTES * self.log.axes.len() + OCTAVE_BYTES * octaves;
+        let bytes_each = GROWTH * (WINDOW_BYTES + axes + COLUMN_BYTES * columns);
         if (self.rows.run.len() * bytes_each) as u64 > self.memory.windows() {
             let what = format!("{} windows take", self.rows.run.len());
             let or = "give longer windows (--window) or fewer logs at a time";
@@ -267,9 +286,9 @@ impl WindowBuilder {
             _ => i64::try_from(self.rows.run.len()).unwrap_or(i64::MAX),
         };
         let open = self.run.as_ref().and_then(|run| run.open.as_ref());
-        if open.is_some_and(|sums| sums.index != index || sums.end_ns != batch.start_ns[rows.start])
-            || self.shape.window == WindowSize::ROW
-        {
+        // The mean of a rate does not need the rows that are lost.
+        let goes_on = |sums: &WindowSums| self.is_of_rates() || sums.end_ns == batch.start_ns[rows.start];
+        if open.is_some_and(|sums| sums.index != index || !goes_on(sums)) || self.shape.window == WindowSize::ROW {
             self.close_window();
         }
         let mut at = rows.start;
@@ -280,7 +299,8 @@ impl WindowBuilder {
                 self.close_window();
                 continue;
             }
-            self.push_short_tau(batch, unrounded, at..end);
+            let is_new = self.run.as_ref().is_none_or(|run| run.open.is_none());
+            self.push_differences(batch, unrounded, at..end, is_new);
             if let Some(run) = self.run.as_mut() {
                 let sums = run.open.get_or_insert_with(|| WindowSums::new(index, batch.start_ns[at], batch, at));
                 sums.add(batch, at..end, &self.weights[at..end]);
@@ -291,8 +311,28 @@ impl WindowBuilder {
         }
     }
 
-    /// Rows to the deviations at short τ. Of a cumulative counter with rows lost some cover several intervals.
-    fn push_short_tau(&mut self, batch: &Batch, unrounded: &[Vec<f64>], rows: Range<usize>) {
+    /// A row is a sample of its own, whatever was lost before it.
+    fn is_of_rates(&self) -> bool {
+        self.shape.unit == AngleUnit::Arcsec
+    }
+
+    /// Rows between two times; any number where they overlap.
+    fn lost_rows(&self, from_ns: i64, to_ns: i64) -> u64 {
+        if to_ns < from_ns { u64::MAX } else { self.log.intervals(from_ns, to_ns) * u64::from(to_ns > from_ns) }
+    }
+
+    /// Rows to the squared differences, the first of a window or not. Of a cumulative counter with rows lost some cover several intervals.
+    fn push_differences(&mut self, batch: &Batch, unrounded: &[Vec<f64>], rows: Range<usize>, is_new: bool) {
+        let start_ns = batch.start_ns[rows.start];
+        let lost = self.stretch_end_ns.map(|end_ns| self.lost_rows(end_ns, start_ns));
+        match lost {
+            Some(0) if !(is_new && self.shape.is_turned) => {}
+            Some(lost) if self.is_of_rates() && (1..=FILLED).contains(&lost) => {
+                self.differences.iter_mut().for_each(|differences| differences.fill(lost));
+            }
+            _ => self.differences.iter_mut().for_each(WindowedDifferences::end_stretch),
+        }
+        self.stretch_end_ns = batch.end_ns[rows.clone()].last().copied();
         let arcsec = self.shape.unit.arcsec();
         let intervals = |row: usize| self.log.intervals(batch.start_ns[row], batch.end_ns[row]);
         let most_ns = 1.5 * self.log.nominal_ns as f64;
@@ -301,10 +341,10 @@ impl WindowBuilder {
             let is_wide = |length_ns: &f64| *length_ns > most_ns;
             let wide = (!batch.is_plain()).then(|| self.weights[at..rows.end].iter().position(is_wide)).flatten();
             let end = wide.map_or(rows.end, |wide| at + wide);
-            for (short_tau, column) in self.short_tau.iter_mut().zip(unrounded) {
-                short_tau.push(&column[at..end], arcsec);
+            for (differences, column) in self.differences.iter_mut().zip(unrounded) {
+                differences.push(&column[at..end], arcsec);
                 if end < rows.end {
-                    short_tau.push_wide(intervals(end), column[end], arcsec);
+                    differences.push_wide(intervals(end), column[end], arcsec);
                 }
             }
             at = end + 1;
@@ -331,8 +371,8 @@ impl WindowBuilder {
         let push = |columns: &mut Vec<Vec<f64>>, values: &mut dyn Iterator<Item = f64>| {
             columns.iter_mut().zip(values).for_each(|(column, value)| column.push(value));
         };
-        for (column, short_tau) in rows.short_tau.iter_mut().zip(&mut self.short_tau) {
-            column.push(short_tau.take());
+        for (column, differences) in rows.squares.iter_mut().zip(&mut self.differences) {
+            column.push(differences.end_window());
         }
         push(&mut rows.angle, &mut sums.angle.iter().map(|sum| sum.total()));
         let half = sums.duration_ns as f64 / 2.0;
@@ -359,10 +399,20 @@ impl WindowBuilder {
         if !goes_on {
             self.end_run();
         }
+        self.file = name.to_owned();
         if let Some(run) = &mut self.run {
-            run.file_start_ns = start_ns;
+            (run.file_start_ns, run.file, run.file_rows) = (start_ns, name.to_owned(), 0);
         }
         Ok(goes_on)
+    }
+
+    /// Ends the run within a file whose clock starts again; the file goes on with a run of its own.
+    fn restart(&mut self) {
+        if let Some(run) = &mut self.run {
+            let summary = LogSummary { file: run.file.clone(), rows: run.file_rows, ..LogSummary::default() };
+            run.files.push(RunFile { start_ns: run.file_start_ns, summary });
+        }
+        self.end_run();
     }
 
     /// Lets a log go on with the run where its clock restarts and its running total goes on from the end of the file before.
@@ -417,14 +467,22 @@ impl WindowBuilder {
 
     /// Ends a file; its run may go on in the next one.
     pub(crate) fn end_file(&mut self, summary: LogSummary) {
-        let tracks = self.tracks;
-        let run = self.run.get_or_insert_with(|| OpenRun::new(0, tracks));
-        run.files.push(RunFile { start_ns: run.file_start_ns, summary });
+        // Runs of this file that ended within it are known by its bytes, too.
+        let last_files = self.runs.iter_mut().rev().map_while(|run| run.files.last_mut());
+        let mut rows = summary.rows;
+        for part in last_files.take_while(|part| part.summary.sha256.is_empty()) {
+            part.summary.sha256.clone_from(&summary.sha256);
+            rows = rows.saturating_sub(part.summary.rows);
+        }
+        let (file, tracks) = (&self.file, self.tracks);
+        let run = self.run.get_or_insert_with(|| OpenRun::new(0, tracks, file));
+        run.files.push(RunFile { start_ns: run.file_start_ns, summary: LogSummary { rows, ..summary } });
     }
 
     fn end_run(&mut self) {
         self.close_window();
         let Some(run) = self.run.take() else { return };
+        self.stretch_end_ns = None;
         let tracks = run.tracks.into_values();
         self.runs.push(Run { files: run.files, start_ns: run.start_ns, end_ns: run.end_ns, tracks });
     }
@@ -485,9 +543,10 @@ impl WindowBuilder {
 }
 
 impl OpenRun {
-    fn new(start_ns: i64, columns: usize) -> Self {
-        let tracks = Tracks::new(start_ns, columns);
-        Self { start_ns, end_ns: start_ns, open: None, tracks, files: Vec::new(), file_start_ns: start_ns }
+    fn new(start_ns: i64, columns: usize, file: &str) -> Self {
+        let (tracks, file) = (Tracks::new(start_ns, columns), file.to_owned());
+        let files = Vec::new();
+        Self { start_ns, end_ns: start_ns, open: None, tracks, files, file_start_ns: start_ns, file, file_rows: 0 }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use sagnac_log::ingest::{AngleUnit, LogSummary, Reason, Tallies};
 use sagnac_log::setup::WindowSize;
-use sagnac_noise::{NoiseTerms, ShortTauSums};
+use sagnac_noise::{FILLED, JudgedWindow, MeasuredNoise, WindowSquares, WindowedCurve};
 use sagnac_units::s_from_ns;
 
 /// What a set of windows consists of.
@@ -16,6 +16,8 @@ pub struct WindowShape {
     pub aux: Vec<String>,
     /// Unit of the angles.
     pub unit: AngleUnit,
+    /// A table turns the unit: the rows of a window go on with those of none.
+    pub is_turned: bool,
     /// False for tables without time: no track, no rate.
     pub timed: bool,
     /// Window length asked for.
@@ -107,8 +109,8 @@ pub struct WindowRows {
     pub reference_dps: Vec<f64>,
     /// Line of the window's first row.
     pub first_line: Vec<u64>,
-    /// Per axis: short-τ sums of the window's raw samples.
-    pub short_tau: Vec<Vec<ShortTauSums>>,
+    /// Per axis: squared differences of the raw samples that end in the window.
+    pub squares: Vec<Vec<WindowSquares>>,
     /// Why the window is left out, if it is.
     pub excluded: Vec<Option<Reason>>,
 }
@@ -139,7 +141,7 @@ impl WindowRows {
             aux_max: all(&self.aux_max, members),
             reference_dps: one(&self.reference_dps, members),
             first_line: one(&self.first_line, members),
-            short_tau: all(&self.short_tau, members),
+            squares: all(&self.squares, members),
             excluded: one(&self.excluded, members),
         }
     }
@@ -161,23 +163,17 @@ pub struct Windows {
 /// Standard errors beyond which a window's scatter is not noise.
 const SHAKEN_SIGMAS: f64 = 8.0;
 
-/// Mean square at the shortest τ of a window.
-fn shortest_square(sums: &ShortTauSums) -> Option<f64> {
-    let (squares, number) = (sums.squares.first()?, sums.numbers.first()?);
-    (*number > 0.0).then(|| squares / number)
-}
-
-fn median_square<'a>(all: impl Iterator<Item = &'a ShortTauSums>) -> f64 {
-    let mut squares: Vec<f64> = all.filter_map(shortest_square).collect();
+/// Median of the mean squares at the shortest τ.
+fn median_square<'a>(all: impl Iterator<Item = &'a WindowSquares>) -> f64 {
+    let mut squares: Vec<f64> = all.filter_map(WindowSquares::shortest).map(|(square, _)| square).collect();
     squares.sort_by(f64::total_cmp);
     squares.get(squares.len() / 2).copied().unwrap_or(0.0)
 }
 
 /// Far above the median by the scatter of a variance of so many degrees of freedom.
-fn is_shaken(sums: &ShortTauSums, median: f64) -> bool {
-    let freedom = sums.edf.first().copied().unwrap_or(0.0).max(1.0);
-    shortest_square(sums)
-        .is_some_and(|square| square > median * (1.0 + SHAKEN_SIGMAS * (2.0 / freedom).sqrt()) && median > 0.0)
+fn is_shaken(squares: &WindowSquares, median: f64) -> bool {
+    let beyond = |freedom: f64| median * (1.0 + SHAKEN_SIGMAS * (2.0 / freedom.max(1.0)).sqrt());
+    squares.shortest().is_some_and(|(square, freedom)| square > beyond(freedom) && median > 0.0)
 }
 
 /// Noise below this part of a window's angle is that of sums.
@@ -210,33 +206,55 @@ impl Windows {
         self.rows.angle[axis][window] * self.shape.unit.arcsec() / self.duration_s(window)
     }
 
-    /// N and Q of an axis from the raw samples of the used windows; `None` where they do not tell.
-    pub fn measured_noise(&self, axis: usize) -> Option<NoiseTerms> {
-        // A window that was shaken says nothing of the noise of the others.
-        let median = median_square(self.short_tau_of_used(axis).map(|(sums, _)| sums));
-        self.noise_of(axis, |sums| !is_shaken(sums, median))
+    /// The noise of an axis from the raw samples of the used windows; `None` where they do not show it.
+    pub fn measured_noise(&self, axis: usize) -> Option<MeasuredNoise> {
+        // A window that was shaken shows nothing of the noise of the others.
+        let used = self.rows.squares[axis].iter().zip(&self.rows.excluded).filter(|(_, reason)| reason.is_none());
+        let median = median_square(used.map(|(squares, _)| squares));
+        self.noise_of(axis, |squares| !is_shaken(squares, median))
     }
 
     /// The same of every used window, shaken or not: what the gyro did, not what its floor is.
-    pub(crate) fn noise_with_shaken(&self, axis: usize) -> Option<NoiseTerms> {
+    pub(crate) fn noise_with_shaken(&self, axis: usize) -> Option<MeasuredNoise> {
         self.noise_of(axis, |_| true)
     }
 
-    /// Of each used window: its sums, and its rows.
-    fn short_tau_of_used(&self, axis: usize) -> impl Iterator<Item = (&ShortTauSums, u64)> {
-        let windows = self.rows.short_tau[axis].iter().zip(&self.rows.samples).zip(&self.rows.excluded);
-        windows.filter(|(_, reason)| reason.is_none()).map(|((sums, samples), _)| (sums, u64::from(*samples)))
+    /// N² that a correction adds to these rows, arcsec²/s.
+    pub(crate) fn walk_added_in(&self, corrected: &Self, axis: usize) -> Option<f64> {
+        self.curve_of(axis, |_| true).walk_added_in(&corrected.curve_of(axis, |_| true))
     }
 
-    fn noise_of(&self, axis: usize, counts: impl Fn(&ShortTauSums) -> bool) -> Option<NoiseTerms> {
-        let mut all = ShortTauSums::default();
-        let used = || self.short_tau_of_used(axis).filter(|(sums, _)| counts(sums));
-        used().for_each(|(sums, _)| all.merge(sums));
-        let terms = all.fit(self.shape.sample_interval_s, used().map(|(_, rows)| rows))?;
+    fn noise_of(&self, axis: usize, counts: impl Fn(&WindowSquares) -> bool) -> Option<MeasuredNoise> {
+        let (rows, shape) = (&self.rows, &self.shape);
+        let noise = self.curve_of(axis, counts).noise()?;
         // What the rounding of sums makes is no noise: of a counter that always counts the same.
-        let largest = self.rows.angle[axis].iter().fold(0.0_f64, |most, angle| most.max(angle.abs()));
-        let noise_arcsec = terms.q_arcsec + terms.n_arcsec_rt_s * self.shape.sample_interval_s.sqrt();
-        (noise_arcsec > ROUNDING * largest * self.shape.unit.arcsec()).then_some(terms)
+        let largest = rows.angle[axis].iter().fold(0.0_f64, |most, angle| most.max(angle.abs()));
+        let noise_arcsec = noise.terms.q_arcsec + noise.terms.n_arcsec_rt_s * shape.sample_interval_s.sqrt();
+        (noise_arcsec > ROUNDING * largest * shape.unit.arcsec()).then_some(noise)
+    }
+
+    fn curve_of(&self, axis: usize, counts: impl Fn(&WindowSquares) -> bool) -> WindowedCurve {
+        let (rows, shape) = (&self.rows, &self.shape);
+        let intervals = |ns: i64| (s_from_ns(ns) / shape.sample_interval_s).round() as u64;
+        let is_rates = shape.unit == AngleUnit::Arcsec;
+        let judged = |i: usize| {
+            let gap =
+                (i > 0 && rows.run[i] == rows.run[i - 1]).then(|| intervals(rows.start_ns[i] - rows.end_ns[i - 1]));
+            let follows = !shape.is_turned && gap.is_some_and(|gap| gap == 0 || is_rates && gap <= FILLED);
+            let whole = intervals(rows.end_ns[i] - rows.start_ns[i]) + gap.filter(|_| follows).unwrap_or(0);
+            let missing = whole.saturating_sub(u64::from(rows.samples[i]));
+            JudgedWindow {
+                squares: &rows.squares[axis][i],
+                intervals: whole,
+                holes: if is_rates { 0 } else { missing },
+                filled: if is_rates { missing } else { 0 },
+                follows,
+                is_used: rows.excluded[i].is_none() && counts(&rows.squares[axis][i]),
+            }
+        };
+        let count_arcsec = (!is_rates).then(|| shape.unit.arcsec());
+        let windows = (0..self.len()).map(judged);
+        WindowedCurve::of(windows, shape.sample_interval_s, shape.nominal_s).counted(count_arcsec)
     }
 
     /// Some of the windows, in their order; the runs stay.

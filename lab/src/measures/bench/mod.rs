@@ -62,7 +62,7 @@ print(log.shape, log['counts'].sum())
 const WHERE_THE_TIME_GOES: &str = "
 The targets are missed. Of about 0.7 s of processor time on two cores a quarter goes to
 fields; a sixth to SHA-256; an eighth to the kernel, most of it copies of the file; a quarter to checks, the sketch of the rows, sums and
-short-τ deviations; a fifth to the fit with its noise and nuisance models, which the others do not do. Even times and repeated temperatures
+Allan deviations; a fifth to the fit with its noise and nuisance models, which the others do not do. Even times and repeated temperatures
 are recognised by their text, without reading digits; fields are read column by column; stretches without faults are not copied; windows are
 summed on another thread than rows are checked. SHA-256 of the file and a fit of its windows alone take 0.16 s and 0.2 s of
 processor time. The other programs vary by two between runs: page faults of 1.6 to 1.9 GB. Three runs of this section one after the other gave

@@ -6,8 +6,7 @@
 
 use std::collections::VecDeque;
 
-use crate::ingest::checks::rows::MAX_TIME;
-use crate::ingest::columns::raw::{Faults, RawRows};
+use crate::ingest::columns::raw::RawRows;
 
 /// Rows waiting for their temperatures, and temperatures waiting for their rows.
 pub(crate) struct Aligner {
@@ -33,7 +32,7 @@ impl Aligner {
 
     pub(crate) fn push(&mut self, rows: RawRows) {
         for row in 0..rows.len() {
-            let Some(t) = sound_time(&rows, row) else { continue };
+            let Some(t) = rows.sound_time(row) else { continue };
             self.newest_ns = self.newest_ns.max(t);
             if self.samples.back().is_none_or(|(last, _)| *last < t) {
                 self.samples.push_back((t, rows.temperatures_c.iter().map(|column| column[row]).collect()));
@@ -54,7 +53,7 @@ impl Aligner {
     pub(crate) fn ready(&mut self) -> Option<RawRows> {
         let rows = self.pending.front_mut()?;
         while self.cursor < rows.len() {
-            if let Some(t) = sound_time(rows, self.cursor) {
+            if let Some(t) = rows.sound_time(self.cursor) {
                 let wanted = t.saturating_sub(self.offset_ns);
                 if self.newest_ns < wanted && !self.ended {
                     return None;
@@ -74,15 +73,11 @@ impl Aligner {
     }
 }
 
-/// The time of a usable row; a broken row may have any time.
-fn sound_time(rows: &RawRows, row: usize) -> Option<i64> {
-    rows.time(row).filter(|t| t.unsigned_abs() < MAX_TIME && !rows.faults[row].has(Faults::RAGGED))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::ingest::columns::header::Layout;
+    use crate::ingest::columns::raw::Faults;
 
     fn aligned(offset_s: i64) -> Vec<f64> {
         let mut align = Aligner::new(offset_s * 1_000_000_000);

@@ -42,6 +42,8 @@ pub struct Batch {
     pub fields: Vec<::csv::ByteRecord>,
     /// Counts of a cumulative counter over gaps that are too long for a row.
     pub bridges: Vec<Bridge>,
+    /// The clock of the log starts again with its first row, which begins a run. Its times go on an hour after those before.
+    pub begins_run: bool,
     pub(crate) checked_c: Vec<f64>,
     /// All rows came in stretches without any fault, one after the other.
     pub(crate) plain: bool,
@@ -81,6 +83,7 @@ impl Batch {
         self.fields.clear();
         self.bridges.clear();
         self.plain = true;
+        self.begins_run = false;
         for column in self.angle.iter_mut().chain(&mut self.temperature_c).chain(&mut self.aux) {
             column.clear();
         }

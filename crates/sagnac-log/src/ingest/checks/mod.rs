@@ -3,7 +3,6 @@
 pub(crate) mod align;
 pub(crate) mod batch;
 mod counter;
-pub(crate) mod interval;
 pub(crate) mod reason;
 pub(crate) mod rows;
 pub(crate) mod running_total;

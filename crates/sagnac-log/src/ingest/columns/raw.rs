@@ -9,6 +9,9 @@ pub(crate) const NO_TIME: i64 = i64::MIN;
 /// In [`RawRows::temperatures_c`]: the field holds something other than a number. (NaN: it is empty.)
 pub(crate) const BAD_TEMPERATURE: f64 = f64::INFINITY;
 
+/// Times beyond this many ns (146 years) are invalid.
+pub(crate) const MAX_TIME: u64 = 1 << 62;
+
 /// Faults in the text of a row.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Faults(u8);
@@ -84,6 +87,8 @@ pub(crate) struct RawRows {
     pub(crate) reference_dps: Vec<f64>,
     /// The fields as text, kept only where the log is written out again.
     pub(crate) fields: Vec<ByteRecord>,
+    /// The clock starts again with the first row: a run of its own.
+    pub(crate) begins_run: bool,
     has_time: bool,
     has_reference: bool,
 }
@@ -103,7 +108,7 @@ impl RawRows {
         for column in self.axes.iter_mut().chain(&mut self.temperatures_c).chain(&mut self.aux) {
             column.clear();
         }
-        (self.lines_before, self.lines) = (0, 0);
+        (self.lines_before, self.lines, self.begins_run) = (0, 0, false);
     }
 
     /// The numbers of a column; none of a time, a flag, or what is not read.
@@ -148,6 +153,32 @@ impl RawRows {
                 _ => {}
             }
         }
+    }
+
+    /// The rows from `at` on, which leave this piece.
+    pub(crate) fn split_off(&mut self, at: usize) -> Self {
+        let columns = |columns: &mut Vec<Vec<f64>>| columns.iter_mut().map(|column| column.split_off(at)).collect();
+        let optional = |column: &mut Vec<f64>| column.split_off(at.min(column.len()));
+        Self {
+            lines_before: self.lines_before,
+            lines: self.lines,
+            line: self.line.split_off(at),
+            time_ns: self.time_ns.split_off(at.min(self.time_ns.len())),
+            faults: self.faults.split_off(at),
+            axes: columns(&mut self.axes),
+            temperatures_c: columns(&mut self.temperatures_c),
+            aux: columns(&mut self.aux),
+            reference_dps: optional(&mut self.reference_dps),
+            fields: self.fields.split_off(at.min(self.fields.len())),
+            begins_run: true,
+            has_time: self.has_time,
+            has_reference: self.has_reference,
+        }
+    }
+
+    /// The time of a usable row; a broken row may have any time.
+    pub(crate) fn sound_time(&self, row: usize) -> Option<i64> {
+        self.time(row).filter(|t| t.unsigned_abs() < MAX_TIME && !self.faults[row].has(Faults::RAGGED))
     }
 
     pub(crate) fn len(&self) -> usize {

@@ -2,7 +2,7 @@
 
 use super::Dice;
 use super::evidence::{Records, evidence};
-use sagnac_noise::{AllanTerm, AxisBudget, Taus, TermValue, budget_of_angles};
+use sagnac_noise::{AllanTerm, AxisBudget, RecordUnit, Taus, TermValue, budget_of_angles};
 use sagnac_sim::{NoiseConfig, Resting};
 use std::f64::consts::{FRAC_1_SQRT_2, PI, TAU};
 
@@ -65,7 +65,7 @@ impl Shape {
 }
 
 fn budget(angles: &[f64]) -> AxisBudget {
-    budget_of_angles(angles, 1.0, &Taus::Octaves).unwrap()
+    budget_of_angles(angles, RecordUnit::Angle(1.0), 1.0, &Taus::Octaves).unwrap()
 }
 
 /// N in arcsec/√s with its interval.
@@ -171,7 +171,7 @@ fn motion_is_no_slow_term() {
                 (x + 18.0 * dice.normal()) * 0.004
             })
             .collect();
-        let budget = budget_of_angles(&angles, 0.004, &Taus::Octaves).unwrap();
+        let budget = budget_of_angles(&angles, RecordUnit::Angle(1.0), 0.004, &Taus::Octaves).unwrap();
         let least_dph = budget.curve.iter().map(|point| point.adev_dph).fold(f64::INFINITY, f64::min);
         let above = |term: AllanTerm| match budget.terms.get(term) {
             TermValue::Found { lower, .. } => {

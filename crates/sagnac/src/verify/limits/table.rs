@@ -10,6 +10,7 @@ use crate::verify::limits::source::{LimitsSource, Specification};
 use crate::verify::limits::verdict::{Decided, DecisionRule, Verdict};
 use crate::verify::values::rate_table::{MOST_UNVISITED, worst_known};
 use crate::verify::values::repeatability::RUN_WITHOUT_BIAS;
+use crate::verify::values::residual::RandomWalk;
 use crate::verify::{AxisVerification, BiasRepeatability, Estimate, PlateauProof, ScaleProof};
 
 /// Which side of a limit is met.
@@ -265,9 +266,18 @@ fn over_floor(axis: &AxisVerification) -> Option<f64> {
     axis.noise_floor.as_ref().map(|floor| axis.after.sigma_dph / floor.value_dph)
 }
 
+/// N with its standard error; its upper bound where it is not resolved.
+fn walk_after(walk: RandomWalk) -> (f64, Option<f64>) {
+    match walk.after_ends_deg_rt_h {
+        Some([lower, upper]) if lower > 0.0 => (walk.after_deg_rt_h, Some((upper - lower) / 3.92)),
+        Some([_, at_most]) => (at_most, None),
+        None => (walk.after_deg_rt_h, None),
+    }
+}
+
 /// σ is smaller than its own noise, beyond what it scatters by: the floor is no floor. A sine at short τ lifts it.
 fn is_below_floor(axis: &AxisVerification) -> bool {
-    let highest = |ratio: f64| ratio * (1.0 + 4.0 * axis.relative_sigma_of_spread());
+    let highest = |ratio: f64| ratio * (1.0 + 4.0 * axis.relative_sigma_over_floor());
     over_floor(axis).is_some_and(|ratio| highest(ratio) < LEAST_OVER_FLOOR)
 }
 
@@ -339,7 +349,7 @@ limits! {
     sigma_over_floor_max: "σ over the noise floor", Most, ANY, "", Always,
         |a| {
             let ratio = over_floor(a).filter(|_| !is_below_floor(a));
-            relative(ratio, a.relative_sigma_of_spread())
+            relative(ratio, a.relative_sigma_over_floor())
         },
         NO_FLOOR;
     /// σ after beyond the noise floor, √(σ² − floor²)
@@ -387,7 +397,7 @@ limits! {
         |a| plain(scale_of(a).map(|scale| scale.after.peak_to_peak_ppm)), NO_SCALE;
     /// angle random walk after
     arw_deg_rt_h_max: "angle random walk", Most, ANY, "deg/rt h", AtRest,
-        |a| plain(a.residual.random_walk.map(|walk| walk.after_deg_rt_h)), NO_NOISE;
+        |a| a.residual.random_walk.map(walk_after), NO_NOISE;
     /// angle random walk after over before
     arw_increase_max: "angle random walk, after over before", Most, ANY, "", AtRest,
         |a| plain(a.residual.random_walk.map(|walk| walk.after_deg_rt_h / walk.before_deg_rt_h)), NO_NOISE;

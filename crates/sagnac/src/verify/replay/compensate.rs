@@ -86,7 +86,7 @@ pub fn compensate(
     let shape = log.shape().clone();
     let file = log.summary().file;
     let (images, readings) = correction.fit_to(&shape, setup).map_err(|e| e.file(&file))?;
-    let mut replay = Replay::new(&images, &shape, readings, &file)?;
+    let mut replay = Replay::new(&images, &shape, readings.clone(), &file)?;
     let (columns, read, units) = (log.axis_columns(), log.columns_read(), log.rate_units());
     // An image's serial number may be any text.
     let serial = one_line(&correction.serial()).into_owned();
@@ -96,6 +96,9 @@ pub fn compensate(
     let mut cells: Vec<Vec<u8>> = Vec::new();
     let mut done = Compensated::default();
     while let Some(batch) = log.next_batch()? {
+        if batch.begins_run {
+            replay = Replay::new(&images, &shape, readings.clone(), &file)?;
+        }
         let corrected = replay.correct(batch)?;
         for (row, fields) in batch.fields.iter().enumerate() {
             let duration_s = s_from_ns(batch.end_ns[row] - batch.start_ns[row]);

@@ -51,7 +51,7 @@ impl PairedWindows {
             pair.raw.follow(&mut log, counter_end.as_ref())?;
             let mut is_first = true;
             log.for_each_batch(|batch| {
-                if std::mem::take(&mut is_first) && !pair.begin_file(batch, &name)? {
+                if std::mem::take(&mut is_first) && !pair.begin_file(batch, &name)? || batch.begins_run {
                     let new = Replay::new(&images, &shape, readings.clone(), &name).map_err(|e| e.file(&name))?;
                     replay = Some(new);
                 }

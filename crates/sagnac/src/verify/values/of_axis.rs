@@ -33,7 +33,7 @@ use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, Reason};
 use sagnac_log::setup::Setup;
-use sagnac_noise::NoiseTerms;
+use sagnac_noise::{MeasuredNoise, NoiseTerms};
 use sagnac_units::ARCSEC_RT_S_PER_DEG_RT_H;
 
 /// What a retest is compared with.
@@ -116,13 +116,15 @@ impl<'a> PreparedWindows<'a> {
         Ok((values_of(windows, &drifts.raw)?, values_of(&retest.pair.corrected, &drifts.corrected)?))
     }
 
-    /// N before and after. Of every window: a noise that comes and goes is the unit's. Turned, a counter's quantization is a saw that the
-    /// short-τ fit takes for a walk.
+    /// N before and after: what the correction adds shows within windows, on the same rows. Of every window: a noise that comes and goes is the unit's. Turned, a counter's quantization is a saw that
+    /// passes for a walk.
     fn random_walk(&self, axis: usize) -> Option<RandomWalk> {
-        let walk = |side: &Windows| side.noise_with_shaken(axis).map(|noise| noise.n_deg_rt_h()).filter(|n| *n > 0.0);
         let PairedWindows { raw, corrected, .. } = self.retest.pair;
-        let (before_deg_rt_h, after_deg_rt_h) = walk(raw).zip(walk(corrected))?;
-        (!self.drifts.is_turned()).then_some(RandomWalk { before_deg_rt_h, after_deg_rt_h })
+        let (before_deg_rt_h, ends) = Some(raw.noise_with_shaken(axis)?.n_deg_rt_h()).filter(|(n, _)| *n > 0.0)?;
+        let added = raw.walk_added_in(corrected, axis)? / ARCSEC_RT_S_PER_DEG_RT_H.powi(2);
+        let after = |n: f64| (n * n + added).max(0.0).sqrt();
+        let (after_deg_rt_h, after_ends_deg_rt_h) = (after(before_deg_rt_h), ends.map(|ends| ends.map(after)));
+        (!self.drifts.is_turned()).then_some(RandomWalk { before_deg_rt_h, after_deg_rt_h, after_ends_deg_rt_h })
     }
 
     /// Windows in which each status occurred.
@@ -231,13 +233,19 @@ impl AxisVerification {
         (2.0 * (independent - 1.0).max(1.0)).sqrt().recip()
     }
 
+    /// Standard error of σ over the floor, as a part of it.
+    pub(crate) fn relative_sigma_over_floor(&self) -> f64 {
+        let of_floor = self.noise_floor.as_ref().map_or(0.0, |floor| floor.sigma_dph / floor.value_dph);
+        self.relative_sigma_of_spread().hypot(of_floor)
+    }
+
     /// √(σ² − floor²) with its standard error, by that of σ².
     pub(crate) fn sigma_beyond_floor(&self) -> Option<(f64, Option<f64>)> {
-        let floor_dph = self.noise_floor.as_ref()?.value_dph;
+        let floor = self.noise_floor.as_ref()?;
         let square = self.after.sigma_dph.powi(2);
         // `clamp` keeps what is no number, where `max` would make it a value.
-        let value = (square - floor_dph * floor_dph).clamp(0.0, f64::INFINITY).sqrt();
-        let sigma_of_square = 2.0 * square * self.relative_sigma_of_spread();
+        let value = (square - floor.value_dph.powi(2)).clamp(0.0, f64::INFINITY).sqrt();
+        let sigma_of_square = 2.0 * (square * self.relative_sigma_of_spread()).hypot(floor.value_dph * floor.sigma_dph);
         Some((value, Some(sigma_of_square / (2.0 * value).max(sigma_of_square.sqrt()))))
     }
 
@@ -325,20 +333,22 @@ fn noise_floor(
         let known = calibrations.into_iter().find(|a| a.axis == letter)?.fit.as_ref()?.noise_floor.as_ref()?;
         let n_arcsec_rt_s = known.n_deg_rt_h * ARCSEC_RT_S_PER_DEG_RT_H;
         windows.shape.window.seconds()?;
-        Some((NoiseTerms { n_arcsec_rt_s, q_arcsec: known.q_arcsec }, format!("calibration ({})", known.source)))
+        let known_terms = NoiseTerms { n_arcsec_rt_s, q_arcsec: known.q_arcsec };
+        Some((MeasuredNoise::stated(known_terms), format!("calibration ({})", known.source)))
     };
-    let own = noise_of(windows, axis, setup).map(|(terms, source)| (terms, source.to_owned()));
-    let shown = setup.noise.and_then(|_| windows.measured_noise(axis)).filter(|terms| terms.n_arcsec_rt_s > 0.0);
-    let floor_dph = |terms: &NoiseTerms| terms.floor_dph(windows.shape.nominal_s);
+    let own = noise_of(windows, axis, setup).map(|(noise, source)| (noise, source.to_owned()));
+    let shown = setup.noise.and_then(|_| windows.measured_noise(axis)).filter(|noise| noise.terms.n_arcsec_rt_s > 0.0);
+    let nominal_s = windows.shape.nominal_s;
+    let floor_dph = |noise: &MeasuredNoise| noise.terms.floor_dph(nominal_s);
     let own = match (own, shown) {
         (Some((stated, _)), Some(shown)) if floor_dph(&shown) < floor_dph(&stated) => {
-            Some((shown, "short-tau Allan deviations of the log; the setup states more".to_owned()))
+            Some((shown, "Allan deviations of the log; the setup states more".to_owned()))
         }
         (own, _) => own,
     };
-    let (terms, source) = own.or_else(earlier)?;
+    let (noise, source) = own.or_else(earlier)?;
     // As in the values, a shorter window counts by its length.
-    let square = |i: &usize| terms.floor_dph(windows.duration_s(*i)).powi(2) * weight(windows, *i);
+    let square = |i: &usize| noise.terms.floor_dph(windows.duration_s(*i)).powi(2) * weight(windows, *i);
     let mean_square = used.iter().map(square).sum::<f64>() / used.len() as f64;
     let count = |run: usize| used.iter().filter(|i| windows.rows.run[**i] as usize == run).count();
     let largest = (0..windows.runs.len()).map(count).max()?;
@@ -347,6 +357,7 @@ fn noise_floor(
     let value = value_dph / dph_per_unit;
     Some(RetestNoiseFloor {
         value_dph,
+        sigma_dph: value_dph * noise.relative_sigma_of_floor(nominal_s),
         value,
         expected_peak_to_peak: expected_range(largest) * value,
         n: largest,

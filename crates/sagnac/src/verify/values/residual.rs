@@ -5,7 +5,7 @@
 //! ramps               root mean square of heating and cooling windows about the run's mean
 //! ramps less soaks    mean of heating and cooling windows less that of the steady ones: an effect of |Ṫ|, which no slope has
 //! per °C, per °C/min  slopes of one line r = a + s·T + q·Ṫ through all windows
-//! ARW                 N of the rows, raw, and corrected before they are rounded, by short-τ Allan deviations
+//! ARW                 N of the rows, raw, and corrected before they are rounded, by their Allan deviations
 //! over temperature    root mean square of a Chebyshev series of order 16 in T through all windows, less what noise makes of it; every
 //!                     temperature that was visited counts alike, however long
 //! bias instability    least overlapping Allan deviation of the corrected windows / 0.664, across gaps of up to two windows: an estimate
@@ -69,6 +69,8 @@ pub struct RandomWalk {
     pub before_deg_rt_h: f64,
     /// As corrected, before rounding to whole counts.
     pub after_deg_rt_h: f64,
+    /// Its 95 % interval, from zero where N is not resolved; null where the five laws do not describe the curve.
+    pub after_ends_deg_rt_h: Option<[f64; 2]>,
 }
 
 /// Values of the residual.

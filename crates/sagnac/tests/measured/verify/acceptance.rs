@@ -400,7 +400,7 @@ fn the_noise_floor_is_unbiased() {
                 let mut bench = Bench::new(2000 + seed, &usual);
                 (bench.quantum_arcsec, bench.cycles) = (quantum_arcsec, 1);
                 let windows = support::windows(vec![bench.log()], &Bench::setup_of(quantum_arcsec));
-                windows.measured_noise(0).unwrap().floor_dph(100.0)
+                windows.measured_noise(0).unwrap().terms.floor_dph(100.0)
             })
             .collect();
         let wanted = (WHITE_100_S_DPH.powi(2) + 2.0 * quantum_arcsec.powi(2) / 12.0 / 1e4).sqrt();

@@ -18,7 +18,7 @@ pub(crate) fn setup(gyro: &Gyro, counter: Counter) -> Setup {
 /// N in °/√h and the noise floor in °/h of the windows of a log.
 fn of_windows(log: Vec<u8>, setup: &Setup) -> (f64, f64) {
     let noise = windows(vec![log], setup).measured_noise(0).unwrap();
-    (noise.n_deg_rt_h(), noise.floor_dph(100.0))
+    (noise.terms.n_deg_rt_h(), noise.terms.floor_dph(100.0))
 }
 
 /// Mean, and the greatest distance from 1.
@@ -98,7 +98,7 @@ fn wraps_resets_and_repeated_rows_do_not_matter() {
         let windows = windows(vec![log(&TWELVE_HOURS, &reset, &lost)], &plain);
         let resets = windows.tallies.list().into_iter().find(|tally| tally.reason == Reason::CounterReset);
         assert_eq!(resets.map(|tally| tally.rows), Some(2), "seed {seed}");
-        ratios.push(windows.measured_noise(0).unwrap().n_deg_rt_h() / whole.0);
+        ratios.push(windows.measured_noise(0).unwrap().terms.n_deg_rt_h() / whole.0);
         // No window holds a step of the counter as if the gyro had turned.
         let rates = (0..windows.len()).map(|window| windows.rate_dph(0, window));
         rates.for_each(|rate| assert!((rate - TWELVE_HOURS.rate_dph).abs() < 1.0, "seed {seed}: {rate}"));

@@ -11,12 +11,12 @@ mod plain;
 use crate::error::{Error, Result};
 use crate::ingest::checks::batch::{Batch, Bridge};
 use crate::ingest::checks::counter::{CounterStep, StepStatistics};
-use crate::ingest::checks::interval::PipeWatch;
 use crate::ingest::checks::reason::{Reason, Tallies};
 use crate::ingest::checks::thermometer::ThermometerCheck;
+use crate::ingest::clock::interval::PipeWatch;
 use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::log_shape::intervals_of;
-use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, RawRows};
+use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, MAX_TIME, RawRows};
 use crate::setup::{Counter, Setup};
 use sagnac_units::s_from_ns;
 
@@ -39,8 +39,6 @@ const MAX_RATE_DPH: f64 = 3600.0 * MAX_RATE_DPS;
 /// A row may last longer than the nominal interval.
 const LONGEST_ROW: f64 = 1.5;
 
-/// Times beyond this many ns (146 years) are invalid.
-pub(crate) const MAX_TIME: u64 = 1 << 62;
 /// Rows checked together.
 const PLAIN_CHUNK: usize = 256;
 /// Rows checked one by one before the next attempt at a stretch.
@@ -174,6 +172,11 @@ impl RowValidator {
         self.steps_by_axis.clone_from(&end.steps_by_axis);
         let elapsed_ns = if again { 0 } else { self.nominal_ns };
         Some(end.time_ns + elapsed_ns - first_ns)
+    }
+
+    /// The clock starts again: the next row has none before it.
+    pub(crate) fn begin_run(&mut self) {
+        (self.clock_ns, self.last_counter) = (None, None);
     }
 
     /// Checks the interval against the first rows.

@@ -4,9 +4,9 @@
 
 use std::ops::Range;
 
-use super::{MAX_RATE_DPH, MAX_TIME, PLAIN_CHUNK, RowValidator, is_whole, nearest};
+use super::{MAX_RATE_DPH, PLAIN_CHUNK, RowValidator, is_whole, nearest};
 use crate::ingest::checks::batch::Batch;
-use crate::ingest::columns::raw::{Faults, RawRows};
+use crate::ingest::columns::raw::{Faults, MAX_TIME, RawRows};
 use sagnac_units::s_from_ns;
 
 /// Bytes of a column that are copied together.

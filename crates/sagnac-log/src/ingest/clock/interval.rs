@@ -1,8 +1,11 @@
-//! The interval of a row: as given, otherwise from the first rows. A given interval that contradicts the time column is refused.
+//! The interval of a row: as given, otherwise from the first rows. A given interval that contradicts the time column is refused, and
+//! decides where bursts of rows have two readings.
 
 use std::collections::VecDeque;
 
 use crate::error::{Error, Result};
+use crate::ingest::clock::even::EvenStamps;
+use crate::ingest::clock::reading::{FirstStamps, StampReading};
 use crate::ingest::columns::feed::ReadMode;
 use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::raw::{Faults, RawRows};
@@ -11,8 +14,9 @@ use crate::setup::Setup;
 use sagnac_units::format::significant;
 use sagnac_units::{NS_PER_S, ns_from_s, s_from_ns};
 
-/// Rows from which the nominal interval is computed if it is not given.
-const LOOKAHEAD_ROWS: usize = 129;
+/// Times from which the nominal interval is computed, and rows from which the stamps are read.
+const LOOKAHEAD_TIMES: usize = 129;
+const LOOKAHEAD_ROWS: usize = 4096;
 /// Most rows that are read to find usable ones.
 const MOST_LOOKAHEAD: usize = 100_000;
 /// Steps from which the interval of a pipe is checked.
@@ -68,35 +72,105 @@ impl TimeSteps {
     }
 }
 
+/// The interval of a row, and the even rows behind stamps that are not the times of theirs.
+pub(crate) struct RowClock {
+    pub(crate) nominal_ns: i64,
+    pub(crate) even: Option<EvenStamps>,
+}
+
+impl RowClock {
+    fn own(nominal_ns: i64) -> Self {
+        Self { nominal_ns, even: None }
+    }
+
+    fn even(stamps: EvenStamps) -> Self {
+        Self { nominal_ns: stamps.interval_ns.round() as i64, even: Some(stamps) }
+    }
+
+    /// How the stamps are read, in words, where they are not the times of their rows.
+    pub(crate) fn words(&self) -> Option<String> {
+        let even = self.even?;
+        let interval_s = short(even.interval_ns / NS_PER_S);
+        Some(if even.rows_of_stamp > 1.0 {
+            let rows = significant(even.rows_of_stamp, 3);
+            format!("{rows} rows share each time stamp: they are read as one row every {interval_s} s")
+        } else {
+            format!("the time stamps are coarser than the rows: they are read as one row every {interval_s} s")
+        })
+    }
+}
+
 /// The interval of a row: as given, otherwise from the first rows.
-pub(crate) fn nominal_interval(
+pub(crate) fn row_clock(
     pieces: &mut Pieces,
     layout: &Layout,
     setup: &Setup,
     mode: ReadMode,
     ahead: &mut VecDeque<RawRows>,
-) -> Result<i64> {
+) -> Result<RowClock> {
     let out_of_range = || {
         Error::input("out of range", "set sample_interval_s to the seconds between two rows, such as 0.01")
             .column("sample_interval_s")
     };
     let given = setup.sample_interval_s.map(|s| ns_from_s(s).ok_or_else(out_of_range)).transpose()?;
     if layout.time.is_none() {
-        return untimed(layout, setup, given);
+        return untimed(layout, setup, given).map(RowClock::own);
     }
     let live = mode == ReadMode::LineByLine;
     if let Some(given_ns) = given.filter(|_| live) {
-        return Ok(given_ns);
+        return Ok(RowClock::own(given_ns));
     }
-    let (read, times) = first_times(pieces, if live { 2 } else { LOOKAHEAD_ROWS }, ahead)?;
+    let (read, first, times) =
+        first_times(pieces, if live { [2, 2] } else { [LOOKAHEAD_TIMES, LOOKAHEAD_ROWS] }, ahead)?;
     let steps = TimeSteps::of(&times).filter(|steps| s_from_ns(steps.typical_ns) <= 1e5);
     match (given, steps) {
-        (Some(given_ns), Some(steps)) => steps.judge(given_ns).map(|()| given_ns),
-        (None, Some(steps)) => Ok(steps.typical_ns),
+        (given, Some(steps)) => read_stamps(given, &steps, if live { StampReading::Own } else { first.reading() }),
         // Rows without usable times are checked one by one.
-        (Some(given_ns), None) if !times.is_empty() || !is_unreadable(ahead) => Ok(given_ns),
+        (Some(given_ns), None) if !times.is_empty() || !is_unreadable(ahead) => Ok(RowClock::own(given_ns)),
         _ => Err(no_interval(read, &times, layout, ahead)),
     }
+}
+
+/// The given interval decides between two readings.
+fn read_stamps(given: Option<i64>, steps: &TimeSteps, reading: StampReading) -> Result<RowClock> {
+    let is_near = |given_ns: i64, ns: f64| (given_ns as f64 / ns - 1.0).abs() <= CLOSE;
+    match (given, reading) {
+        (None, StampReading::Own) => Ok(RowClock::own(steps.typical_ns)),
+        (None, StampReading::Even(stamps)) => Ok(RowClock::even(stamps)),
+        (Some(given_ns), StampReading::Even(stamps)) if is_near(given_ns, stamps.interval_ns) => {
+            Ok(RowClock { nominal_ns: given_ns, even: Some(EvenStamps { interval_ns: given_ns as f64, ..stamps }) })
+        }
+        (Some(given_ns), StampReading::Bursts { rows, burst_ns, .. })
+            if is_near(given_ns, burst_ns as f64 / rows as f64) =>
+        {
+            let interval_ns = burst_ns as f64 / rows as f64;
+            let scatter_ns = burst_ns as f64;
+            Ok(RowClock::even(EvenStamps { interval_ns, rows_of_stamp: 1.0, missing_of_first: 0.0, scatter_ns }))
+        }
+        (Some(given_ns), _) => steps.judge(given_ns).map(|()| RowClock::own(given_ns)),
+        (None, StampReading::Bursts { rows, step_ns, burst_ns }) => Err(in_bursts(rows, step_ns, burst_ns)),
+        (None, StampReading::Uneven) => Err(Error::input(
+            "several rows share a time stamp, in uneven numbers: their times are not known",
+            "map the time column to \"ignore\" under [columns] and give --sample-interval, if the rows are even",
+        )),
+    }
+}
+
+/// Four significant digits without zeros at the end.
+fn short(seconds: f64) -> String {
+    significant(seconds, 4).parse().map_or_else(|_| seconds.to_string(), |rounded: f64| rounded.to_string())
+}
+
+fn in_bursts(rows: usize, step_ns: i64, burst_ns: i64) -> Error {
+    let [step_s, burst_s, even_s] =
+        [step_ns as f64, burst_ns as f64, burst_ns as f64 / rows as f64].map(|ns| short(ns / NS_PER_S));
+    Error::input(
+        format!("rows come in bursts of {rows}, one every {step_s} s, a burst every {burst_s} s"),
+        format!(
+            "give --sample-interval {even_s} if a buffer sent even rows, or --sample-interval {step_s} if the gyro was read in bursts"
+        ),
+    )
+    .column("sample_interval_s")
 }
 
 /// A table without a time column.
@@ -122,17 +196,24 @@ fn untimed(layout: &Layout, setup: &Setup, given: Option<i64>) -> Result<i64> {
     }
 }
 
-/// Reads rows until enough of them have a time; returns the number of rows read and their times. Broken rows and repeated
-/// times do not count, and a pipe may begin in the middle of a row.
-fn first_times(pieces: &mut Pieces, wanted: usize, ahead: &mut VecDeque<RawRows>) -> Result<(usize, Vec<i64>)> {
-    let (mut read, mut times) = (0, Vec::new());
+/// Reads rows until enough of them have a time; returns the number of rows read, their stamps, and the times without repeated ones.
+/// Broken rows do not count, and a pipe may begin in the middle of a row.
+fn first_times(
+    pieces: &mut Pieces,
+    [times_wanted, rows_wanted]: [usize; 2],
+    ahead: &mut VecDeque<RawRows>,
+) -> Result<(usize, FirstStamps, Vec<i64>)> {
+    let (mut read, mut first, mut times) = (0, FirstStamps::default(), Vec::new());
     let mut rows = RawRows::default();
-    while times.len() < wanted && pieces.next(&mut rows)? {
+    while (times.len() < times_wanted || first.stamps.len() < rows_wanted) && pieces.next(&mut rows)? {
         read += rows.len();
-        let sound = (0..rows.len()).filter(|row| !rows.faults[*row].has(Faults::RAGGED));
-        let missing = wanted - times.len();
-        for time in sound.filter_map(|row| rows.time(row)).take(missing) {
-            if times.last() != Some(&time) {
+        for row in (0..rows.len()).filter(|row| !rows.faults[*row].has(Faults::RAGGED)) {
+            let Some(time) = rows.time(row).filter(|_| first.stamps.len() < rows_wanted) else { continue };
+            let repeats = first.stamps.last() == Some(&time);
+            let is_same = |column: &Vec<f64>| row > 0 && column[row] == column[row - 1];
+            first.doubled += usize::from(repeats && rows.axes.iter().all(is_same));
+            first.stamps.push(time);
+            if !repeats && times.len() < times_wanted {
                 times.push(time);
             }
         }
@@ -141,7 +222,7 @@ fn first_times(pieces: &mut Pieces, wanted: usize, ahead: &mut VecDeque<RawRows>
             break;
         }
     }
-    Ok((read, times))
+    Ok((read, first, times))
 }
 
 /// True if there are complete rows, but none of them has a time.
