@@ -16,6 +16,7 @@ use crate::error::{Error, Result};
 use crate::ingest::bytes::source::{HashHandle, Source, Watch};
 use crate::ingest::checks::align::Aligner;
 use crate::ingest::checks::batch::Batch;
+use crate::ingest::checks::full_scale::{Clipped, FullScale};
 use crate::ingest::checks::interval::nominal_interval;
 use crate::ingest::checks::reason::Tallies;
 use crate::ingest::checks::rows::{self, CounterEnd, RowValidator};
@@ -47,6 +48,8 @@ pub struct LogSummary {
     pub rows_sketch: String,
     /// Its clock restarts and its running total goes on: its times go on from the file before.
     pub follows_by_counter: bool,
+    /// Rates that many rows have as the largest or the smallest one.
+    pub clipped: Vec<Clipped>,
 }
 
 /// Batches that are passed on before a thread is started for them.
@@ -68,6 +71,7 @@ pub struct LogReader {
     sketch: Option<Sketch>,
     /// Of counts that should be of each row.
     running_total: Option<RunningTotal>,
+    full_scale: FullScale,
     /// Read line by line.
     is_stream: bool,
     name: String,
@@ -161,6 +165,7 @@ impl LogReader {
         let counts_of_rows =
             layout.is_count_log() && setup.counter() == Counter::Incremental && setup.counter.is_none();
         let running_total = (counts_of_rows && !shape.has_reference).then(|| RunningTotal::new(shape.axes.len()));
+        let full_scale = FullScale::new(&layout.axes);
         Ok(Self {
             pieces,
             layout,
@@ -175,6 +180,7 @@ impl LogReader {
             hash,
             sketch,
             running_total,
+            full_scale,
             is_stream: mode == ReadMode::LineByLine,
             name: name.to_owned(),
             offset_ns: None,
@@ -334,8 +340,10 @@ impl LogReader {
         self.batch.clear();
         if !self.next_rows()? {
             let totals = self.running_total.as_ref().map_or(Ok(()), |watch| watch.check(&self.shape.axes));
-            return totals.map(|()| false).map_err(|e| e.file(&self.name));
+            let range = totals.and_then(|()| self.full_scale.check(self.delimiter));
+            return range.map(|()| false).map_err(|e| e.file(&self.name));
         }
+        self.full_scale.push(&self.rows.axes);
         self.check.push(&mut self.rows, &mut self.batch)?;
         if let Some(sketch) = &mut self.sketch {
             sketch.push(&self.batch, self.shape.unit != AngleUnit::Arcsec);
@@ -396,6 +404,7 @@ impl LogReader {
             tallies: self.check.tallies.clone(),
             rows_sketch: self.sketch.as_ref().map_or_else(String::new, Sketch::hex),
             follows_by_counter: self.offset_ns.is_some(),
+            clipped: self.full_scale.clipped(),
         }
     }
 }
