@@ -162,6 +162,40 @@ fn marks_and_blanks_change_no_figure() {
     }
 }
 
+/// `gx` may be a rate or an acceleration, and a triad of one unit that is stated once has it.
+#[test]
+fn a_triad_is_of_one_quantity_and_unit() {
+    let folder = TempDir::new().unwrap();
+    let init = |head: &str, means: [f64; 3], sigma: f64| {
+        let cell = |row: usize, axis: usize| format!("{:.7}", means[axis] + sigma * noise(3 * row + axis));
+        let row = |row: usize| format!("{:.2},{},{},{}\n", 0.01 * row as f64, cell(row, 0), cell(row, 1), cell(row, 2));
+        fs::write(folder.path().join("log.csv"), format!("{head}\n{}", (0..900).map(row).collect::<String>())).unwrap();
+        out(&sagnac(folder.path(), &["init", "log.csv"]))
+    };
+    let units = |setup: &str| {
+        ["rate_dph_", "rate_dps_", "rate_radps_"].map(|unit| setup.matches(&format!("= \"{unit}")).count())
+    };
+    for names in [
+        "gx,gy,gz",
+        "wx,wy,wz",
+        "GyroX,GyroY,GyroZ",
+        "gyroADC[0],gyroADC[1],gyroADC[2]",
+        "Gyroscope X,Gyroscope Y,Gyroscope Z",
+    ] {
+        let log = |means, sigma| units(&init(&format!("time_s,{names}"), means, sigma));
+        // 0.3 °/√h in °/s, 0.01 °/√h in °/h, 0.3 °/√h in rad/s or 0.005 °/√h in °/s.
+        assert_eq!(log([4.5, 0.14, -1.2], 0.05), [0, 3, 0], "{names}");
+        assert_eq!(log([9.0, -3.0, 12.0], 6.0), [3, 0, 0], "{names}");
+        assert_eq!(log([0.01, 0.002, -0.03], 0.000_87), [0; 3], "{names}");
+    }
+    let ros = init("time_s,angular_velocity.x,angular_velocity.y,angular_velocity.z", [0.01, 0.002, -0.03], 0.000_87);
+    assert_eq!(units(&ros), [0, 0, 3], "{ros}");
+    let gravity = init("time_s,gx,gy,gz", [0.1, -0.2, 0.97], 0.002);
+    assert!(units(&gravity) == [0; 3] && gravity.contains("accelerations"), "{gravity}");
+    let stated = init("time_s,gyro_x_dps,gyro_y,gyro_z", [0.01, 0.002, -0.03], 0.000_87);
+    assert_eq!(units(&stated), [0, 3, 0], "{stated}");
+}
+
 /// The command that a refusal or a setup has for a log, run.
 fn mend(folder: &Path, text: &str) {
     let start =

@@ -143,6 +143,9 @@ fn with_rates(columns: &[SampleColumn], mut guesses: Vec<Option<Guess>>, used: &
     let numbers: Vec<Vec<f64>> = open.iter().map(|(.., numbers)| numbers.clone()).collect();
     let row_s = columns.iter().zip(&guesses).find_map(|(column, guess)| row_s(column, &guess.as_ref()?.role));
     let unit = match stated.first() {
+        _ if open.iter().all(|(_, named, _)| named.is_letter) && is_gravity(&numbers) => {
+            TriadUnit::Open("the columns look like accelerations, of 1 g together".to_owned())
+        }
         Some(unit) => TriadUnit::One(*unit, "the unit, as of the other axes".to_owned()),
         None => of_rates(&numbers, row_s, usual_unit(columns, &open)),
     };
@@ -151,7 +154,9 @@ fn with_rates(columns: &[SampleColumn], mut guesses: Vec<Option<Guess>>, used: &
         guesses[*at] = match &unit {
             TriadUnit::One(unit, why) => {
                 let role = named.role(unit.ending());
-                used.insert(kind_of(&role)).then(|| Guess::because(role, why.clone()))
+                let letter = named.is_letter.then(|| "by its letter".to_owned());
+                let guessed = letter.into_iter().chain([why.clone()]).collect();
+                used.insert(kind_of(&role)).then_some(Guess { role, guessed, unread: None })
             }
             TriadUnit::Open(why) => {
                 open_rates = Some(why.clone());
@@ -161,6 +166,13 @@ fn with_rates(columns: &[SampleColumn], mut guesses: Vec<Option<Guess>>, used: &
         };
     }
     Guesses { columns: guesses, open_rates }
+}
+
+/// Whether three means make 1 g, in g or m/s²: `gx` may be an acceleration.
+fn is_gravity(axes: &[Vec<f64>]) -> bool {
+    let mean = |axis: &Vec<f64>| axis.iter().sum::<f64>() / axis.len() as f64;
+    let size = axes.iter().map(|axis| mean(axis).powi(2)).sum::<f64>().sqrt();
+    axes.len() == 3 && [1.0, 9.81].into_iter().any(|gravity: f64| (size / gravity - 1.0).abs() < 0.05)
 }
 
 /// The unit of a rate's header.

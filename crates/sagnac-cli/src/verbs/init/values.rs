@@ -126,7 +126,8 @@ mod tests {
         let sigma = walk * (3600.0 / row_s).sqrt();
         let axis = |_| {
             let mean = bias * random.normal();
-            let digits = 10_f64.powf((unit.of_dph(sigma) / 30.0).log10().floor());
+            // Whole numbers have a test of their own.
+            let digits = 10_f64.powf((unit.of_dph(sigma) / 30.0).log10().floor()).min(0.1);
             (0..1000).map(|_| (unit.of_dph(mean + sigma * random.normal()) / digits).round() * digits).collect()
         };
         (0..3).map(axis).collect()
