@@ -25,7 +25,7 @@ pub(crate) fn are_between_cells(start: &str) -> bool {
         let numbers = line.split_whitespace().filter(|cell| is_number(cell)).count();
         !line.starts_with('#') && !line.contains(['\t', ';', ',']) && numbers > 1 && 2 * numbers >= cells(line)
     };
-    let Some(first) = lines.iter().position(|line| is_row(&line)) else { return false };
+    let Some(first) = lines.iter().position(is_row) else { return false };
     let Some(headers) = first.checked_sub(1).map(|above| lines[above]) else { return false };
     let rows = || lines[first..].iter().take(ROWS);
     let is_alike = |row: &&str| is_row(row) && cells(row) == cells(headers) && iso_ns(row.trim()).is_none();

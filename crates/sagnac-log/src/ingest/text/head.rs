@@ -69,10 +69,8 @@ pub(crate) fn read_header(source: &mut Source, setup: &Setup) -> Result<TextHead
     let units = head.line_of_units(headers.len(), delimiter)?;
     let row = head.lines_below(delimiter)?.into_iter().next().unwrap_or_default();
     let of_columns = units.as_deref().unwrap_or_default();
-    let free = headers.iter().zip(of_columns).filter(|(name, _)| !setup.columns.contains_key(*name));
-    free.map(|(name, unit)| refuse_other_unit(name, unit))
-        .collect::<Result<()>>()
-        .map_err(|e| e.line(line.number + 1))?;
+    let mut free = headers.iter().zip(of_columns).filter(|(name, _)| !setup.columns.contains_key(*name));
+    free.try_for_each(|(name, unit)| refuse_other_unit(name, unit)).map_err(|e| e.line(line.number + 1))?;
     let (columns, read_as) = names::mapped(&headers, of_columns, &row, &setup.columns);
     let (is_latin, separator, lines) = (head.is_latin, head.separator, head.lines);
     let mut assumed = std::mem::take(&mut source.assumed);
