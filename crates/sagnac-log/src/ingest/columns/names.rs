@@ -11,6 +11,7 @@ use crate::ingest::columns::header::{Role, role_of};
 use crate::ingest::columns::iso::iso_ns;
 use crate::ingest::columns::number::ISO_8601;
 pub use crate::ingest::columns::words::{Named, Quantity, Unit};
+use sagnac_units::format::controls;
 
 /// Sagnac's header for a column whose header states quantity and unit, or whose first cell is a date; and whether it begins as Sagnac's own.
 fn certain(header: &str, unit: Option<&str>, cell: Option<&str>) -> Option<(String, bool)> {
@@ -48,7 +49,8 @@ fn is_open(header: &str, unit: Option<&str>) -> bool {
         // A column of this name holds dates, unless a line of units says seconds.
         Ok(Role::Time { places: ISO_8601 }) => unit.is_some(),
         Ok(_) => false,
-        Err(_) => true,
+        // One of Sagnac's words whose unit stands elsewhere: no column of corrected rows, and no name with control characters.
+        Err(_) => !header.contains(controls) && Named::of(header, unit).is_some_and(|named| named.is_own()),
     }
 }
 
@@ -147,6 +149,13 @@ mod tests {
         // Without x the log would look like one of y and z.
         assert_eq!(read(&["Gyro X (dps)", "Gyro X raw (dps)", "Gyro Y (dps)"]), some(&["", "", ""]));
         assert_eq!(read(&["Time (s)", "GPS time (s)"]), some(&["time_s", ""]));
+    }
+
+    #[test]
+    fn corrected_rows_and_control_characters_are_not_recognised() {
+        assert_eq!(read(&["compensated_rate_dps_x", "time_s"]), some(&["", ""]));
+        assert_eq!(read(&["temperature_c_a\u{1}", "temperature_block_c"]), some(&["", "temperature_c_block"]));
+        assert_eq!(read(&["temperature_f", "rate_rpm", "time_h"]), some(&["", "", ""]));
     }
 
     #[test]
