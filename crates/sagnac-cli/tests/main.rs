@@ -19,3 +19,4 @@ mod signature;
 mod simulate;
 mod target;
 mod terminal;
+mod world;

@@ -16,6 +16,7 @@ use crate::error::{Error, Result};
 use crate::ingest::bytes::source::{HashHandle, Source, Watch};
 use crate::ingest::checks::align::Aligner;
 use crate::ingest::checks::batch::Batch;
+use crate::ingest::checks::full_scale::{Clipped, FullScale};
 use crate::ingest::checks::reason::Tallies;
 use crate::ingest::checks::rows::{self, CounterEnd, RowValidator};
 use crate::ingest::checks::running_total::RunningTotal;
@@ -51,6 +52,8 @@ pub struct LogSummary {
     pub follows_by_counter: bool,
     /// Wraps and restarts of its clock, a sentence each.
     pub clock: Vec<String>,
+    /// Rates that many rows have as the largest or the smallest one.
+    pub clipped: Vec<Clipped>,
 }
 
 /// Batches that are passed on before a thread is started for them.
@@ -72,6 +75,7 @@ pub struct LogReader {
     sketch: Option<Sketch>,
     /// Of counts that should be of each row.
     running_total: Option<RunningTotal>,
+    full_scale: FullScale,
     /// Read line by line.
     is_stream: bool,
     name: String,
@@ -171,6 +175,7 @@ impl LogReader {
         let counts_of_rows =
             layout.is_count_log() && setup.counter() == Counter::Incremental && setup.counter.is_none();
         let running_total = (counts_of_rows && !shape.has_reference).then(|| RunningTotal::new(shape.axes.len()));
+        let full_scale = FullScale::new(&layout.axes);
         Ok(Self {
             pieces,
             layout,
@@ -185,6 +190,7 @@ impl LogReader {
             hash,
             sketch,
             running_total,
+            full_scale,
             is_stream: mode == ReadMode::LineByLine,
             name: name.to_owned(),
             offset_ns: None,
@@ -346,12 +352,14 @@ impl LogReader {
         self.batch.clear();
         if !self.next_rows()? {
             let totals = self.running_total.as_ref().map_or(Ok(()), |watch| watch.check(&self.shape.axes));
-            return totals.map(|()| false).map_err(|e| e.file(&self.name));
+            let range = totals.and_then(|()| self.full_scale.check(self.delimiter));
+            return range.map(|()| false).map_err(|e| e.file(&self.name));
         }
         if self.rows.begins_run {
             self.check.begin_run();
             self.batch.begins_run = true;
         }
+        self.full_scale.push(&self.rows.axes);
         self.check.push(&mut self.rows, &mut self.batch)?;
         if let Some(sketch) = &mut self.sketch {
             sketch.push(&self.batch, self.shape.unit != AngleUnit::Arcsec);
@@ -422,6 +430,7 @@ impl LogReader {
             rows_sketch: self.sketch.as_ref().map_or_else(String::new, Sketch::hex),
             follows_by_counter: self.offset_ns.is_some(),
             clock: self.unbroken.as_ref().map_or_else(Vec::new, UnbrokenClock::words),
+            clipped: self.full_scale.clipped(),
         }
     }
 }

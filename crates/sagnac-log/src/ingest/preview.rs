@@ -14,7 +14,7 @@ use crate::ingest::columns::number::{is_missing, parse_value};
 use crate::ingest::columns::raw::RawRows;
 use crate::ingest::formats::Format;
 use crate::ingest::pieces::Pieces;
-use crate::ingest::text::head::{Head, delimiter_of, fit_to_rows, is_unit, refuse_binary, split};
+use crate::ingest::text::head::{Head, comment_of, delimiter_of, fit_to_rows, is_unit, is_value, refuse_binary, split};
 use crate::setup::Setup;
 use sagnac_units::s_from_ns;
 
@@ -31,6 +31,8 @@ pub struct Sample {
     pub header_line: u64,
     /// Lines above it that are neither blank nor comments.
     pub above: usize,
+    /// What separates the cells of a row; a comma for binary formats.
+    pub delimiter: u8,
     /// The columns in their order.
     pub columns: Vec<SampleColumn>,
     /// What had to be assumed to read the text.
@@ -120,21 +122,26 @@ fn sampled_columns(source: Source, setup: &Setup) -> Result<Sample> {
         }
         read += rows.fields.len();
     }
-    Ok(Sample { header_line: lines_before, above: 0, columns, assumed })
+    Ok(Sample { header_line: lines_before, above: 0, delimiter: b',', columns, assumed })
 }
 
 fn sampled_text(mut source: Source, setup: &Setup) -> Result<Sample> {
     refuse_binary(&mut source)?;
-    let mut head = Head::new(&mut source, setup);
-    let (mut lines, mut separator, mut bytes) = (Vec::new(), None, 0);
+    let mut head = Head::new(&mut source, setup)?;
+    let mut separator = head.separator;
+    let (mut lines, mut comment, mut bytes) = (Vec::new(), None, 0);
     while let Some(line) = head.next()?.filter(|_| lines.len() < MOST_LINES && bytes < MOST_BYTES) {
         bytes += line.text.len();
         match crate::ingest::text::head::separator_of(&line.text).filter(|_| lines.is_empty()) {
             Some(found) => separator = Some(found),
-            None if line.text.is_empty() || line.text.starts_with('#') => (),
+            None if line.text.is_empty() => (),
+            None if line.text.starts_with('#') => comment = comment_of(line).filter(|_| lines.is_empty()).or(comment),
             None => lines.push(line),
         }
     }
+    // The last comment above the table may be its headers.
+    let comments = usize::from(comment.is_some());
+    lines.splice(..0, comment);
     let split_at = |at: usize| -> Vec<String> {
         let text = &lines[at].text;
         split(text, separator.unwrap_or_else(|| delimiter_of(text))).unwrap_or_default()
@@ -168,8 +175,9 @@ fn sampled_text(mut source: Source, setup: &Setup) -> Result<Sample> {
         cells: rows.iter().filter_map(|row| row.get(place)).cloned().collect(),
     };
     let columns = names.into_iter().enumerate().map(column).collect();
-    let header_line = lines[at].number;
-    Ok(Sample { header_line, above: at, columns, assumed: source.assumed })
+    let delimiter = separator.unwrap_or_else(|| delimiter_of(&lines[at].text));
+    let (header_line, above) = (lines[at].number, at.saturating_sub(comments));
+    Ok(Sample { header_line, above, delimiter, columns, assumed: source.assumed })
 }
 
 /// The first rows below a line, without a line of units.
@@ -187,9 +195,4 @@ fn is_units(cells: &[String], width: usize) -> bool {
 
 fn is_row(cells: &[String], width: usize) -> bool {
     cells.len() == width && cells.iter().filter(|cell| is_value(cell)).count() * 2 >= width
-}
-
-fn is_value(cell: &str) -> bool {
-    let bytes = cell.as_bytes();
-    cell.is_empty() || is_missing(bytes) || iso_ns(cell).is_some() || parse_value(bytes, cell.contains(',')).is_some()
 }

@@ -7,8 +7,9 @@
 //! ```
 //!
 //! The trial has the rules of [`crate::fit::calibrate`] for span, windows and excluded stretches, so what they refuse is not called good here.
-//! A log is *good for calibration* if the trial is fitted and the windows, not only single readings, cover the least span. It is *good for
-//! noise* if its counts vary and enough unbroken rows show that; else for nothing.
+//! A log is *good for calibration* if the trial is fitted, the windows, not only single readings, cover the least span, and at least half of
+//! the rows are used. It is *good for noise* if its counts vary and enough unbroken rows show that; else for nothing. Rates faster than any
+//! gyro are good for nothing, whatever they show.
 //!
 //! Fails where a log is wrong without a sign: a lone thermometer without noise that stops, a scale factor that was typed wrong, a chamber
 //! log that belongs to another test.
@@ -28,7 +29,9 @@ use crate::fit::{FitOptions, Model, READINGS_HOLD, calibrate, readings_do_not_ho
 use crate::verify::{Correction, Unanswered, unanswered};
 use crate::window::Windows;
 use sagnac_log::error::{Error, ErrorKind, Result};
+use sagnac_log::ingest::{AngleUnit, Clipped};
 use sagnac_log::setup::Setup;
+use sagnac_units::DPH_PER_DPS;
 use sagnac_units::format::significant;
 use thermometers::thermometers;
 
@@ -44,8 +47,11 @@ const FEW_WINDOWS: usize = 30;
 const FEWEST_OF_LEG: usize = 5;
 /// Fewer windows in an outer third of the span hold that end of the curve badly.
 const FEWEST_OF_THIRD: usize = 5;
-/// Part of the rows that is missing or excluded from which on it is said.
+/// Part of the rows that is missing or excluded from which on it is said, and from which on the log is not good for a calibration.
 const MANY_ROWS: f64 = 0.05;
+const MOST_ROWS: f64 = 0.5;
+/// Faster than any gyro measures, °/h: 4000 °/s.
+const MOST_RATE_DPH: f64 = 1.44e7;
 
 /// The best use of a log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -118,7 +124,9 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
         &Setup { reference_c: outside.map(|[lo, hi]| f64::midpoint(lo, hi)).or(setup.reference_c), ..setup.clone() };
     let tried = match trial(windows, setup) {
         Err(error) if error.kind == ErrorKind::Input => return Err(error),
-        tried => tried.and_then(|calibration| covered(windows, setup, main).map(|()| calibration)),
+        tried => tried.and_then(|calibration| {
+            covered(windows, setup, main).and_then(|()| mostly_used(windows)).map(|()| calibration)
+        }),
     };
     let limits = match &tried {
         Ok(calibration) => limits_without_value(windows, setup, calibration)?,
@@ -131,14 +139,16 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
         unanswered: limits.iter().find(|(axis, _)| axis == letter).map(|(_, all)| all.clone()),
     };
     let axes: Vec<AxisSurvey> = windows.shape.axes.iter().enumerate().map(axis).collect();
-    let (good_for, reason) = match (&tried, noise(windows)) {
+    let (good_for, reason) = match (&tried, noise(windows, setup)) {
+        _ if too_fast(windows).is_some() => (GoodFor::Nothing, too_fast(windows)),
         (Ok(_), _) => (GoodFor::Calibration, None),
         (Err(refusal), Ok(())) => (GoodFor::Noise, Some(refusal.what.clone())),
         (Err(refusal), Err(why)) => (GoodFor::Nothing, Some(format!("{why}; {}", refusal.what))),
     };
     let mut cautions: Vec<String> = thermometers.iter().flat_map(|one| one.faults.clone()).collect();
     cautions.extend(windows.runs.iter().flat_map(|run| &run.files).flat_map(|file| file.summary.clock.clone()));
-    cautions.extend(rows_missing(windows));
+    cautions.extend(clipped(windows, setup));
+    cautions.extend(rows_missing(windows, MANY_ROWS).filter(|missing| reason.as_ref() != Some(missing)));
     cautions.extend(readings_do_not_hold(windows).then(|| READINGS_HOLD.to_owned()));
     if good_for == GoodFor::Calibration {
         cautions.extend(main.and_then(|at| slow_readings(&thermometers[at], windows)));
@@ -201,16 +211,48 @@ fn covered(windows: &Windows, setup: &Setup, main: Option<usize>) -> Result<()> 
     ))
 }
 
+/// Of a log of which most is excluded, the rest is not the test.
+fn mostly_used(windows: &Windows) -> Result<()> {
+    let why = rows_missing(windows, MOST_ROWS);
+    why.map_or(Ok(()), |why| Err(Error::refused(why, "correct the unit or the limits of the column that they name")))
+}
+
+/// An axis whose mean rate no gyro measures.
+fn too_fast(windows: &Windows) -> Option<String> {
+    let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
+    let is_of_rates = windows.shape.unit == AngleUnit::Arcsec;
+    let mean = |axis: usize| used.iter().map(|i| windows.rate_dph(axis, *i).abs()).sum::<f64>() / used.len() as f64;
+    let axes = windows.shape.axes.iter().enumerate().map(|(at, letter)| (letter, mean(at)));
+    let (letter, dph) = axes.filter(|_| is_of_rates).find(|(_, dph)| *dph > MOST_RATE_DPH)?;
+    Some(format!(
+        "axis {letter} reads {} °/s in the mean, faster than any gyro: its unit is wrong, or it holds codes of a converter",
+        significant(dph / DPH_PER_DPS, 3)
+    ))
+}
+
+/// Rates at their full scale.
+fn clipped(windows: &Windows, setup: &Setup) -> Vec<String> {
+    let files = windows.runs.iter().flat_map(|run| &run.files);
+    let say = |(file, one): (&str, &Clipped)| {
+        let rate = setup.units.unwrap_or_default().text(one.rate_dph, 6);
+        format!("axis {}: {} rows of {file} read {rate} exactly, clipped at full scale", one.axis, one.rows)
+    };
+    files.flat_map(|file| file.summary.clipped.iter().map(|one| (file.summary.file.as_str(), one))).map(say).collect()
+}
+
 /// Whether the rows show noise.
-fn noise(windows: &Windows) -> std::result::Result<(), String> {
+fn noise(windows: &Windows, setup: &Setup) -> std::result::Result<(), String> {
     let rows: u64 = windows.runs.iter().flat_map(|run| &run.files).map(|file| file.summary.rows).sum();
     if rows < FEWEST_ROWS {
         return Err(format!("{rows} rows are too few for noise terms: {FEWEST_ROWS} are needed"));
     }
-    if !windows.shape.timed {
-        return Err("the rows have no time".to_owned());
+    if !windows.shape.timed && setup.sample_interval_s.is_none() {
+        return Err("the rows have no time; give --sample-interval".to_owned());
     }
-    let shows = (0..windows.shape.axes.len()).any(|axis| windows.measured_noise(axis).is_some());
+    // Without a time there is a window for each row.
+    let varies = |axis: usize| windows.rows.angle[axis].windows(2).any(|pair| pair[0] != pair[1]);
+    let is_shown = |axis: usize| windows.measured_noise(axis).is_some() || !windows.shape.timed && varies(axis);
+    let shows = (0..windows.shape.axes.len()).any(is_shown);
     if shows { Ok(()) } else { Err("the counts contain no noise".to_owned()) }
 }
 
@@ -248,14 +290,14 @@ fn slope(axis: &AxisCalibration) -> Option<[f64; 2]> {
         .filter(|both| both.iter().all(|value| value.is_finite()))
 }
 
-/// Rows that cannot be used, if they are many.
-fn rows_missing(windows: &Windows) -> Option<String> {
+/// Rows that cannot be used, if they are more than a part.
+fn rows_missing(windows: &Windows, most_part: f64) -> Option<String> {
     let rows: u64 = windows.runs.iter().flat_map(|run| &run.files).map(|file| file.summary.rows).sum();
     let excluded: u64 = windows.tallies.list().iter().map(|tally| tally.rows).sum();
     // A row may be excluded for itself and with its window.
     let part = excluded.min(rows) as f64 / rows.max(1) as f64;
     let most = windows.tallies.most()?;
-    (part > MANY_ROWS).then(|| {
+    (part > most_part).then(|| {
         format!("{} % of the rows are excluded, most of them as {}", significant(100.0 * part, 2), most.reason.name())
     })
 }

@@ -9,13 +9,13 @@ use crate::error::Error;
 
 /// First bytes, the name of the format, what else to name in the command, and the command from `IN` to `OUT`. None of them resamples or
 /// interpolates: a count that nobody counted would be worse than a command that stops.
-const FOREIGN: [(&[u8], &str, &str, &str); 8] = [
+const FOREIGN: [(&[u8], &str, &str, &str); 9] = [
     (b"MATLAB 7.3 MAT-file", "MATLAB 7.3", "", H5PY),
     (
         b"MATLAB 5.0 MAT-file",
         "MATLAB 5",
         "",
-        "python3 -c \"import scipy.io, pandas; v = {k: v for k, v in scipy.io.loadmat('IN', squeeze_me=True).items() if getattr(v, 'ndim', 0) == 1}; n = max(map(len, v.values())); pandas.DataFrame({k: x for k, x in v.items() if len(x) == n}).to_csv('OUT', index=False)\"",
+        "python3 -c \"import scipy.io, pandas; v = {k: x for k, x in scipy.io.loadmat('IN', squeeze_me=True).items() if getattr(x, 'size', 0) > 1}; c = COLUMNS; n = max(map(len, c.values())); pandas.DataFrame({k: x for k, x in c.items() if len(x) == n}).to_csv('OUT', index=False)\"",
     ),
     (b"\x89HDF\r\n\x1a\n", "HDF5", "", H5PY),
     (
@@ -43,6 +43,7 @@ const FOREIGN: [(&[u8], &str, &str, &str); 8] = [
         "",
         "python3 -c \"import pandas; pandas.read_excel('IN').to_csv('OUT', index=False)\"",
     ),
+    (b"LabVIEW Measurement", "LabVIEW's LVM", "", "awk \"/^X_Value/{p=1; sub(/X_Value/, t)} p\" t=time_s 'IN' > 'OUT'"),
     (
         b"SQLite format 3\0",
         "SQLite",
@@ -50,27 +51,53 @@ const FOREIGN: [(&[u8], &str, &str, &str); 8] = [
         "python3 -c \"import sqlite3, pandas; pandas.read_sql('SELECT * FROM log', sqlite3.connect('IN')).to_csv('OUT', index=False)\"",
     ),
 ];
-const H5PY: &str = "python3 -c \"import h5py, pandas; v = {k: v[()].ravel() for k, v in h5py.File('IN').items() if getattr(v, 'size', 0) and v.size > 1}; n = max(map(len, v.values())); pandas.DataFrame({k: x for k, x in v.items() if len(x) == n}).to_csv('OUT', index=False)\"";
+const H5PY: &str = "python3 -c \"import h5py, pandas; v = {k: x[()].squeeze() for k, x in h5py.File('IN').items() if getattr(x, 'size', 0) and x.size > 1}; c = COLUMNS; n = max(map(len, c.values())); pandas.DataFrame({k: x for k, x in c.items() if len(x) == n}).to_csv('OUT', index=False)\"";
+/// The columns of arrays by name: a list is one, and a matrix one for each line along its longer side.
+const COLUMNS: &str = "{k if a.ndim == 1 else f'{k}_{i + 1}': x for k, a in v.items() if a.ndim in (1, 2) for i, x in enumerate([a] if a.ndim == 1 else a if a.shape[0] <= a.shape[1] else a.T)}";
+/// What a serial monitor puts between its stamp and a line.
+const STAMP: &str = " -> ";
 
 /// The refusal of a file of another program, by its first bytes; the command has the file's name where a shell can take it as it is.
 pub(crate) fn refusal(start: &[u8], file: Option<&Path>) -> Option<Error> {
-    let (_, name, own, command) = FOREIGN.iter().find(|(magic, ..)| start.starts_with(magic))?;
+    let known = FOREIGN.iter().find(|(magic, ..)| start.starts_with(magic));
+    let known = known.map(|(_, name, own, command)| (*name, *own, (*command).to_owned()));
+    let (name, own, command) = known.or_else(|| of_serial_monitor(start))?;
     let is_plain = |c: char| c.is_alphanumeric() || "/._-+".contains(c);
     let file = file.and_then(Path::to_str).filter(|file| file.chars().all(is_plain));
     let own_file = if file.is_none() { "your file for 'log'" } else { "" };
     let own: Vec<&str> = [own_file, own].into_iter().filter(|own| !own.is_empty()).collect();
     let with = if own.is_empty() { String::new() } else { format!(", with {}", own.join(" and ")) };
     let file = file.unwrap_or("log");
-    let command = with_names(command, file, &format!("{file}.csv"));
+    let command = with_names(&command, file, &format!("{file}.csv"));
     Some(Error::input(
         format!("this is {name}, and the program cannot read it"),
         format!("convert it{with}: {command}"),
     ))
 }
 
+/// The text of a serial monitor, `12:00:00.000 -> 24.50,0.001`: its command makes seconds of the stamps, past midnight too.
+fn of_serial_monitor(start: &[u8]) -> Option<(&'static str, &'static str, String)> {
+    let first = std::str::from_utf8(start.split(|byte| *byte == b'\n').next()?).ok()?;
+    let (stamp, line) = first.split_once(STAMP)?;
+    let is_stamp =
+        stamp.split(':').count() == 3 && stamp.bytes().all(|byte| byte.is_ascii_digit() || b":.".contains(&byte));
+    let cells = line.trim().split(',');
+    let has_numbers = cells.clone().all(|cell| cell.trim().parse::<f64>().is_ok());
+    let names = (1..=cells.count()).map(|at| format!("column_{at}")).collect::<Vec<_>>().join(",");
+    let (head, own) = if has_numbers {
+        (format!("BEGIN{{print \"time_s,{names}\"}} "), "your names for column_1 and so on")
+    } else {
+        ("NR==1{print \"time_s,\" $2; next} ".to_owned(), "")
+    };
+    let rows =
+        "{split($1,c,\":\"); t=c[1]*3600+c[2]*60+c[3]; if(t<p-43200) d+=86400; p=t; printf \"%.3f,%s\\n\",t+d,$2}";
+    let command = format!("awk -F '{STAMP}' '{head}{rows}' 'IN' > 'OUT'");
+    is_stamp.then_some(("the text of a serial monitor with its stamps", own, command))
+}
+
 /// The command with its two names.
 fn with_names(command: &str, from: &str, to: &str) -> String {
-    command.replace("'OUT'", &format!("'{to}'")).replace("'IN'", &format!("'{from}'"))
+    command.replace("COLUMNS", COLUMNS).replace("'OUT'", &format!("'{to}'")).replace("'IN'", &format!("'{from}'"))
 }
 
 #[cfg(test)]
@@ -90,6 +117,18 @@ mod tests {
             assert!(!command.contains('$') && command.matches('"').count() == 2, "{command}");
         }
         assert!(refusal(b"time_s,counts\n", None).is_none() && refusal(b"", None).is_none());
+    }
+
+    #[test]
+    fn stamps_of_a_serial_monitor_become_seconds() {
+        let help = |text: &str| refusal(text.as_bytes(), Some(Path::new("a.txt"))).map(|error| error.help);
+        let plain = help("12:00:00.000 -> 24.50,0.00028\n12:00:00.100 -> 24.50,-0.00120\n").unwrap();
+        assert!(plain.contains("time_s,column_1,column_2") && plain.contains("'a.txt' > 'a.txt.csv'"), "{plain}");
+        let named = help("08:15:00.020 -> temp,gyro_x\r\n").unwrap();
+        assert!(named.contains("NR==1") && !named.contains("column_1"), "{named}");
+        for other in ["a -> b\n", "time_s,counts\n", "12:00:00 -> ", "12:00 -> 1\n"] {
+            assert_eq!(help(other).is_some(), other.starts_with("12:00:00"), "{other}");
+        }
     }
 
     #[test]

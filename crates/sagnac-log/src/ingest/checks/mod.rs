@@ -3,6 +3,7 @@
 pub(crate) mod align;
 pub(crate) mod batch;
 mod counter;
+pub(crate) mod full_scale;
 pub(crate) mod reason;
 pub(crate) mod rows;
 pub(crate) mod running_total;

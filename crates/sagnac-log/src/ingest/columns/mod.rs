@@ -7,3 +7,4 @@ pub(crate) mod log_shape;
 pub mod names;
 pub(crate) mod number;
 pub(crate) mod raw;
+pub(crate) mod words;

@@ -1,136 +1,57 @@
-//! Headers as people write them: `Gyro X (deg/s)` is `rate_dps_x`, `Chip temp [°C]` is `temperature_c_chip`.
+//! Which columns of a log are recognised: `Gyro X (deg/s)` is read as `rate_dps_x`, next to the other columns.
 //!
-//! A header is recognised where its words name a quantity and a unit is stated: in brackets, in a line of units, or as a word (`gyro_x_dps`).
-//! A quantity that one column names as Sagnac does is not looked for in the others. Of two columns that may be the same thermometer
-//! neither is recognised; where two may be one rate, no rate is. Words are English, German, French and Spanish.
+//! A header is recognised where its words name a quantity and a unit is stated ([`crate::ingest::columns::words`]): in brackets, in a line of
+//! units, or as a word. A header that begins with Sagnac's own word (`temperature`, `rate`, `counts`, `time`) is read as that column always.
+//! Any other is looked for only where no column has Sagnac's own name of its quantity. Of two columns that may be the same thermometer
+//! neither is recognised; where two may be one rate, no rate is.
 
 use std::collections::BTreeMap;
 
 use crate::ingest::columns::header::{Role, role_of};
 use crate::ingest::columns::iso::iso_ns;
-pub use crate::setup::RATE_UNITS;
+use crate::ingest::columns::number::ISO_8601;
+pub use crate::ingest::columns::words::{Named, Quantity, Unit};
+use sagnac_units::format::controls;
 
-/// Words for a time.
-pub const TIME: [&str; 10] =
-    ["time", "zeit", "temps", "tiempo", "timestamp", "elapsed", "clock", "datetime", "date", "datum"];
-/// Words for a thermometer.
-pub const TEMPERATURE: [&str; 10] =
-    ["temperature", "temp", "temperatur", "température", "temperatura", "tmp", "thermo", "thermometer", "rtd", "pt100"];
-/// Words for a rate.
-pub const RATE: [&str; 8] = ["rate", "gyro", "omega", "drehrate", "gyr", "angrate", "vitesse", "velocidad"];
-/// Words that make a rate one of a table or a command.
-const NO_GYRO: [&str; 9] = ["table", "tisch", "reference", "ref", "input", "command", "cmd", "target", "setpoint"];
-/// Letters of axes.
-pub const AXES: [&str; 3] = ["x", "y", "z"];
-
-/// Units as people write them, and the ending of Sagnac's header.
-pub type UnitSpellings = [(&'static [&'static str], &'static str)];
-/// Of a time.
-pub const TIME_UNITS: &UnitSpellings = &[
-    (&["s", "sec", "secs", "second", "seconds", "sek", "sekunden"], "s"),
-    (&["ms", "msec", "millisecond", "milliseconds"], "ms"),
-    (&["us", "µs", "μs", "usec", "microseconds"], "us"),
-    (&["ns", "nsec", "nanoseconds"], "ns"),
-];
-/// Of a temperature.
-pub const TEMPERATURE_UNITS: &UnitSpellings =
-    &[(&["c", "°c", "degc", "deg c", "deg. c", "celsius", "grad c"], "c"), (&["k", "kelvin"], "k")];
-/// Of counts.
-pub(crate) const COUNT_UNITS: &UnitSpellings = &[(&["counts", "count", "cts", "pulses", "pulse", "1", "-", ""], "")];
-
-/// The words of a header in small letters, and the unit in its brackets.
-pub fn words_of(header: &str) -> (Vec<String>, Option<String>) {
-    let (name, rest) = header.split_once(['(', '[']).unwrap_or((header, ""));
-    let unit = rest.trim_end_matches([')', ']']).trim();
-    let lower = name.to_lowercase();
-    let words = lower.split(|c: char| !c.is_alphanumeric() && c != '°').filter(|word| !word.is_empty());
-    (words.map(str::to_owned).collect(), (!unit.is_empty()).then(|| unit.to_owned()))
-}
-
-/// The unit as it is stated in brackets, a line of units or a word of the name, by a table of spellings.
-pub fn stated(unit: Option<&str>, words: &[String], known: &UnitSpellings) -> Option<&'static str> {
-    let find = |text: &str| ending_of(text, known);
-    // A stated unit that is not known is not overruled by a word of the name.
-    match unit {
-        Some(unit) => find(unit),
-        None => words.iter().skip(1).find_map(|word| find(word)),
+/// Sagnac's header for a column whose header states quantity and unit, or whose first cell is a date; and whether it begins as Sagnac's own.
+fn certain(header: &str, unit: Option<&str>, cell: Option<&str>) -> Option<(String, bool)> {
+    let named = Named::of(header, unit)?;
+    let is_own = named.is_own();
+    if named.quantity == Quantity::Time && cell.is_some_and(|cell| iso_ns(cell).is_some()) {
+        return Some(("time".to_owned(), is_own));
     }
-}
-
-/// The ending of Sagnac's header for a unit.
-pub(crate) fn ending_of(unit: &str, known: &UnitSpellings) -> Option<&'static str> {
-    let unit = bare(unit);
-    known.iter().find(|(names, _)| names.contains(&unit.as_str())).map(|(_, ending)| *ending)
-}
-
-/// A unit as it is compared: without brackets, in small letters.
-pub(crate) fn bare(unit: &str) -> String {
-    unit.to_lowercase().trim_matches(['[', ']', '(', ')']).trim().to_owned()
-}
-
-/// Whether the first word is `gx` or `wx` in a unit of rates, which makes it a rate (without the unit it may be an acceleration), and the
-/// axis of a rate or a count among the words of its header, as the ending `_x`; empty where there is none.
-pub fn axis_of(unit: Option<&str>, words: &[String]) -> (bool, String) {
-    let first = words.first().map_or("", String::as_str);
-    let by_letter = first.strip_prefix(['g', 'w']).filter(|axis| AXES.contains(axis));
-    let by_letter = by_letter.filter(|_| stated(unit, words, RATE_UNITS).is_some());
-    let axis = by_letter.or_else(|| words.iter().map(String::as_str).find(|word| AXES.contains(word)));
-    (by_letter.is_some(), axis.map_or(String::new(), |axis| format!("_{axis}")))
-}
-
-/// The name of a thermometer: the words that are neither a quantity nor a unit, as the ending `_chamber`.
-pub fn thermometer_of(words: &[String]) -> String {
-    let is_plain = |word: &&String| {
-        word.as_str() != "t"
-            && !TEMPERATURE.contains(&word.as_str())
-            && !TEMPERATURE_UNITS.iter().any(|(names, _)| names.contains(&word.as_str()))
-    };
-    let name: Vec<&str> = words.iter().filter(is_plain).map(String::as_str).collect();
-    if name.is_empty() { String::new() } else { format!("_{}", name.join("_")) }
-}
-
-/// Sagnac's header for a column whose header states quantity and unit, or whose first cell is a date.
-fn certain(header: &str, unit: Option<&str>, cell: Option<&str>) -> Option<String> {
-    let (words, bracket) = words_of(header);
-    let unit = unit.map(str::to_owned).or(bracket);
-    let unit = unit.as_deref();
-    let has = |names: &[&str]| words.iter().any(|word| names.contains(&word.as_str()));
-    let is_t = words.first().is_some_and(|word| word == "t");
-    let time = stated(unit, &words, TIME_UNITS);
-    if has(&TIME) || is_t && time.is_some() {
-        let is_date = cell.is_some_and(|cell| iso_ns(cell).is_some());
-        return if is_date { Some("time".to_owned()) } else { Some(format!("time_{}", time?)) };
+    let is_clear = named.by_unit.is_none() && (is_own || named.quantity != Quantity::Counts);
+    match named.unit {
+        Unit::Known(ending) if is_clear => Some((named.role(ending), is_own)),
+        _ => None,
     }
-    if has(&TEMPERATURE) || is_t {
-        let ending = stated(unit, &words, TEMPERATURE_UNITS)?;
-        return Some(format!("temperature_{ending}{}", thermometer_of(&words)));
-    }
-    let (by_letter, axis) = axis_of(unit, &words);
-    let is_gyro = (has(&RATE) || by_letter) && !has(&NO_GYRO);
-    let ending = stated(unit, &words, RATE_UNITS).filter(|_| is_gyro)?;
-    Some(format!("rate_{ending}{axis}"))
-}
-
-/// Quantities of which a log may have named a column already.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Quantity {
-    Time,
-    Thermometer,
-    Axis,
 }
 
 fn quantity_of(header: &str) -> Option<Quantity> {
     match role_of(header).ok()? {
         Role::Time { .. } => Some(Quantity::Time),
-        Role::Temperature { .. } => Some(Quantity::Thermometer),
-        Role::Counts { .. } | Role::Rate { .. } => Some(Quantity::Axis),
+        Role::Temperature { .. } => Some(Quantity::Temperature),
+        // One stands for the other: both are an axis.
+        Role::Counts { .. } | Role::Rate { .. } => Some(Quantity::Rate),
         _ => None,
     }
 }
 
-/// True for a header whose words state an axis and the unit of its rate.
-pub(crate) fn is_rate(header: &str) -> bool {
-    certain(header, None, None).is_some_and(|role| quantity_of(&role) == Some(Quantity::Axis))
+/// True for a header whose words state an axis and the unit of its rate or counts.
+pub(crate) fn is_axis(header: &str) -> bool {
+    certain(header, None, None).is_some_and(|(role, _)| quantity_of(&role) == Some(Quantity::Rate))
+}
+
+/// Whether a header may be recognised: as it stands it is none of Sagnac's, or not a whole one.
+fn is_open(header: &str, unit: Option<&str>) -> bool {
+    match role_of(header) {
+        Ok(Role::Ignored) => !header.is_empty(),
+        // A column of this name holds dates, unless a line of units says seconds.
+        Ok(Role::Time { places: ISO_8601 }) => unit.is_some(),
+        Ok(_) => false,
+        // One of Sagnac's words whose unit stands elsewhere: no column of corrected rows, and no name with control characters.
+        Err(_) => !header.contains(controls) && Named::of(header, unit).is_some_and(|named| named.is_own()),
+    }
 }
 
 /// Sagnac's header of each column that is recognised. `units` and `cells` are the line of units and the first row, empty where there is none;
@@ -141,32 +62,34 @@ pub fn recognised(
     cells: &[String],
     columns: &BTreeMap<String, String>,
 ) -> Vec<Option<String>> {
-    let named = |header: &String| quantity_of(columns.get(header).unwrap_or(header));
-    let known: Vec<Quantity> = headers.iter().filter_map(named).collect();
-    let is_free = |header: &str| {
-        !columns.contains_key(header) && matches!(role_of(header), Ok(Role::Ignored)) && !header.is_empty()
-    };
+    let own = |header: &String| quantity_of(columns.get(header).unwrap_or(header));
     let one = |(at, header): (usize, &String)| {
         let unit = units.get(at).map(String::as_str).filter(|unit| !unit.is_empty());
-        let role = is_free(header).then(|| certain(header, unit, cells.get(at).map(String::as_str)))??;
+        let is_free = !columns.contains_key(header) && is_open(header, unit);
+        let (role, is_own) = is_free.then(|| certain(header, unit, cells.get(at).map(String::as_str)))??;
         // An ending that is no letter of an axis, or a control character, is no header of ours.
-        quantity_of(&role).is_some_and(|quantity| !known.contains(&quantity)).then_some(role)
+        Some((quantity_of(&role)?, role, is_own))
     };
-    let all: Vec<Option<String>> = headers.iter().enumerate().map(one).collect();
+    let all: Vec<Option<(Quantity, String, bool)>> = headers.iter().enumerate().map(one).collect();
+    let of_own = all.iter().flatten().filter(|(.., is_own)| *is_own).map(|(quantity, ..)| *quantity);
+    let open = headers.iter().zip(&all).filter(|(_, one)| one.is_none()).filter_map(|(header, _)| own(header));
+    let known: Vec<Quantity> = of_own.chain(open).collect();
+    let found = |(quantity, _, is_own): &&(Quantity, String, bool)| *is_own || !known.contains(quantity);
+    let all: Vec<Option<(Quantity, String, bool)>> =
+        all.iter().map(|one| one.as_ref().filter(found).cloned()).collect();
     // Of several times the first is read; which of two rates or thermometers is meant, no header says.
-    let is_first_time = |at: usize| !all[..at].iter().flatten().any(|role| quantity_of(role) == Some(Quantity::Time));
-    let is_alone = |role: &String| all.iter().flatten().filter(|other| same_place(other, role)).count() == 1;
+    let is_first_time = |at: usize| !all[..at].iter().flatten().any(|(quantity, ..)| *quantity == Quantity::Time);
+    let is_alone = |role: &String| all.iter().flatten().filter(|(_, other, _)| same_place(other, role)).count() == 1;
     // A log read without one of its axes would look whole: where one is open, all are.
-    let is_rate = |role: &&String| quantity_of(role) == Some(Quantity::Axis);
-    let are_rates_clear = all.iter().flatten().filter(is_rate).all(is_alone);
-    let keep = |(at, role): (usize, &Option<String>)| {
-        let role = role.clone()?;
-        let is_kept = match quantity_of(&role)? {
+    let are_rates_clear = all.iter().flatten().filter(|one| one.0 == Quantity::Rate).all(|(_, role, _)| is_alone(role));
+    let keep = |(at, one): (usize, &Option<(Quantity, String, bool)>)| {
+        let (quantity, role, is_own) = one.clone()?;
+        let is_kept = match quantity {
             Quantity::Time => is_first_time(at),
-            Quantity::Thermometer => is_alone(&role),
-            Quantity::Axis => are_rates_clear,
+            Quantity::Temperature => is_alone(&role),
+            Quantity::Counts | Quantity::Rate => are_rates_clear,
         };
-        is_kept.then_some(role)
+        (is_own || is_kept).then_some(role)
     };
     all.iter().enumerate().map(keep).collect()
 }
@@ -188,7 +111,10 @@ pub(crate) fn mapped(
 /// Whether two headers would be one axis or one thermometer.
 fn same_place(one: &str, other: &str) -> bool {
     match (role_of(one), role_of(other)) {
-        (Ok(Role::Rate { axis: a, .. }), Ok(Role::Rate { axis: b, .. })) => a == b,
+        (
+            Ok(Role::Rate { axis: a, .. } | Role::Counts { axis: a }),
+            Ok(Role::Rate { axis: b, .. } | Role::Counts { axis: b }),
+        ) => a == b,
         (Ok(Role::Temperature { name: a, .. }), Ok(Role::Temperature { name: b, .. })) => a == b,
         _ => false,
     }
@@ -223,6 +149,13 @@ mod tests {
         // Without x the log would look like one of y and z.
         assert_eq!(read(&["Gyro X (dps)", "Gyro X raw (dps)", "Gyro Y (dps)"]), some(&["", "", ""]));
         assert_eq!(read(&["Time (s)", "GPS time (s)"]), some(&["time_s", ""]));
+    }
+
+    #[test]
+    fn corrected_rows_and_control_characters_are_not_recognised() {
+        assert_eq!(read(&["compensated_rate_dps_x", "time_s"]), some(&["", ""]));
+        assert_eq!(read(&["temperature_c_a\u{1}", "temperature_block_c"]), some(&["", "temperature_c_block"]));
+        assert_eq!(read(&["temperature_f", "rate_rpm", "time_h"]), some(&["", "", ""]));
     }
 
     #[test]

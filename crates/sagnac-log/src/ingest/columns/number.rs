@@ -186,12 +186,12 @@ pub fn parse_time_ns(field: &[u8], places: u32, decimal_comma: bool) -> Option<i
     Some(if negative { -ns } else { ns })
 }
 
-/// `1`, `true`, `ok`, `yes` and their opposites; `None` for anything else.
+/// One as a number in any form, `true`, `ok`, `yes` and their opposites; `None` for anything else.
 pub(crate) fn parse_flag(field: &[u8]) -> Option<bool> {
     match std::str::from_utf8(field).ok()?.trim().to_ascii_lowercase().as_str() {
-        "1" | "1.0" | "true" | "ok" | "yes" => Some(true),
-        "0" | "0.0" | "false" | "no" => Some(false),
-        _ => None,
+        "true" | "ok" | "yes" => Some(true),
+        "false" | "no" => Some(false),
+        _ => parse_value(field, true).filter(|flag| [0.0, 1.0].contains(flag)).map(|flag| flag == 1.0),
     }
 }
 
@@ -253,6 +253,19 @@ mod tests {
         }
         for other in ["1000000,2", "-1000000,", "12.5,000", "-,000000", ",0000000", "--100000", "1\n"] {
             assert_eq!(short_whole(other.as_bytes()), None, "{other}");
+        }
+    }
+
+    #[test]
+    fn a_flag_is_one_in_any_form() {
+        for yes in ["1", "1.0", "1.000000", "1,000", "1e0", "+1", " 1 ", "TRUE", "ok", "Yes"] {
+            assert_eq!(parse_flag(yes.as_bytes()), Some(true), "{yes}");
+        }
+        for no in ["0", "0.000000", "0,0", "-0", "0e0", "false", "No"] {
+            assert_eq!(parse_flag(no.as_bytes()), Some(false), "{no}");
+        }
+        for bad in ["", "2", "0.5", "1.000001", "nan", "-1", "1 000", "y"] {
+            assert_eq!(parse_flag(bad.as_bytes()), None, "{bad}");
         }
     }
 

@@ -12,17 +12,18 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::io::{BufRead, Cursor, Read};
+use std::io::{BufRead, BufReader, Cursor, Read};
 
 use crate::error::{Error, Result};
 use crate::ingest::bytes::foreign;
 use crate::ingest::bytes::source::Source;
 use crate::ingest::columns::feed::MAX_LINE_BYTES;
 use crate::ingest::columns::header::{self, COMPENSATED_STAMP, Layout, Role, role_of};
-use crate::ingest::columns::names::{
-    self, COUNT_UNITS, RATE_UNITS, TEMPERATURE_UNITS, TIME_UNITS, UnitSpellings, bare, is_rate,
-};
-use crate::ingest::columns::number::is_missing;
+use crate::ingest::columns::iso::iso_ns;
+use crate::ingest::columns::names;
+use crate::ingest::columns::number::{is_missing, parse_value};
+use crate::ingest::columns::words::{Quantity, bare};
+use crate::ingest::text::blanks::{SingleBlanks, are_between_cells};
 use crate::ingest::text::lines::line_without_end;
 use crate::setup::Setup;
 
@@ -30,10 +31,6 @@ use crate::setup::Setup;
 const MAX_LINES_ABOVE: u64 = 100_000;
 /// Most other lines above the headers.
 const MAX_PREAMBLE: usize = 100;
-/// Quantities that a header begins with, and their units.
-const UNITS: [(&str, &UnitSpellings); 4] =
-    [("time", TIME_UNITS), ("temperature", TEMPERATURE_UNITS), ("rate", RATE_UNITS), ("counts", COUNT_UNITS)];
-
 /// The line of headers and where the rows begin.
 pub(crate) struct TextHeader {
     pub(crate) headers: Vec<String>,
@@ -57,29 +54,32 @@ pub(crate) struct HeadLine {
 /// Reads the head of a text log.
 pub(crate) fn read_header(source: &mut Source, setup: &Setup) -> Result<TextHeader> {
     refuse_binary(source)?;
-    let mut head = Head::new(source, setup);
+    let mut head = Head::new(source, setup)?;
     let (line, above) = head.header_line()?;
     let delimiter = head.separator.unwrap_or_else(|| delimiter_of(&line.text));
-    let mut names = split(&line.text, delimiter).map_err(|e| e.line(line.number))?;
-    fit_to_rows(&mut names, &head.lines_below(delimiter)?);
-    if names.iter().all(|h| h.parse::<f64>().is_ok()) {
+    let mut headers = split(&line.text, delimiter).map_err(|e| e.line(line.number))?;
+    fit_to_rows(&mut headers, &head.lines_below(delimiter)?);
+    if headers.iter().all(|h| h.parse::<f64>().is_ok()) {
         return Err(Error::input(
             "the first line contains numbers instead of headers",
             format!("put a header line above it. Known headers: {}", header::RECOGNISED),
         )
         .line(line.number));
     }
-    let units = head.line_of_units(names.len(), delimiter)?;
+    let units = head.line_of_units(headers.len(), delimiter)?;
     let row = head.lines_below(delimiter)?.into_iter().next().unwrap_or_default();
     let of_columns = units.as_deref().unwrap_or_default();
-    let (headers, mut read_as) = with_units(names, of_columns, setup).map_err(|e| e.line(line.number + 1))?;
-    let (columns, recognised) = names::mapped(&headers, of_columns, &row, &setup.columns);
-    read_as.extend(recognised);
+    let mut free = headers.iter().zip(of_columns).filter(|(name, _)| !setup.columns.contains_key(*name));
+    free.try_for_each(|(name, unit)| refuse_other_unit(name, unit)).map_err(|e| e.line(line.number + 1))?;
+    let (columns, read_as) = names::mapped(&headers, of_columns, &row, &setup.columns);
     let (is_latin, separator, lines) = (head.is_latin, head.separator, head.lines);
     let mut assumed = std::mem::take(&mut source.assumed);
     let mut say = |holds: bool, what: String| assumed.extend(holds.then_some(what));
     say(is_latin, "text that is not UTF-8 is read as Windows-1252".to_owned());
-    say(separator.is_some(), format!("its first line names the separator: {}", char::from(delimiter)));
+    say(
+        separator.is_some_and(|byte| byte != b' '),
+        format!("its first line names the separator: {}", char::from(delimiter)),
+    );
     say(above == 1, "1 line above the headers is not read".to_owned());
     say(above > 1, format!("{above} lines above the headers are not read"));
     say(units.is_some(), "the line below the headers is one of units".to_owned());
@@ -110,12 +110,21 @@ pub(crate) struct Head<'a> {
     setup: &'a Setup,
     lines: u64,
     is_latin: bool,
-    separator: Option<u8>,
+    /// The one that the first line names, or blanks.
+    pub(crate) separator: Option<u8>,
 }
 
 impl<'a> Head<'a> {
-    pub(crate) fn new(source: &'a mut Source, setup: &'a Setup) -> Self {
-        Self { source, setup, lines: 0, is_latin: false, separator: None }
+    /// Sees whether blanks separate the cells, and reads each run of them as one.
+    pub(crate) fn new(source: &'a mut Source, setup: &'a Setup) -> Result<Self> {
+        let start = source.reader.fill_buf().map_err(|e| Error::io(&source.name, "read", &e))?;
+        let separator = are_between_cells(&text_of(start)).then_some(b' ');
+        if separator.is_some() {
+            let reader = std::mem::replace(&mut source.reader, Box::new(std::io::empty()));
+            source.reader = Box::new(BufReader::new(SingleBlanks::new(reader)));
+            source.assumed.push("blanks separate its columns".to_owned());
+        }
+        Ok(Self { source, setup, lines: 0, is_latin: false, separator })
     }
 }
 
@@ -176,7 +185,15 @@ impl Head<'_> {
             if line.text.starts_with(COMPENSATED_STAMP) {
                 return Err(header::already_compensated().line(line.number));
             }
-            if line.text.is_empty() || line.text.starts_with('#') {
+            if line.text.starts_with('#') {
+                match comment_of(line) {
+                    Some(line) if first.is_none() && self.is_header_of_numbers(&line.text)? => {
+                        return Ok((line, above));
+                    }
+                    _ => continue,
+                }
+            }
+            if line.text.is_empty() {
                 continue;
             }
             if let Some(separator) = separator_of(&line.text).filter(|_| first.is_none()) {
@@ -203,6 +220,16 @@ impl Head<'_> {
     /// Whether a line names counts or rates.
     fn has_an_axis(&self, text: &str) -> bool {
         names_an_axis(text, self.separator.unwrap_or_else(|| delimiter_of(text)), self.setup)
+    }
+
+    /// Whether the text of a comment has as many names as the row of numbers below it has cells.
+    fn is_header_of_numbers(&mut self, text: &str) -> Result<bool> {
+        let delimiter = self.separator.unwrap_or_else(|| delimiter_of(text));
+        let columns = split(text, delimiter).unwrap_or_default().len();
+        let is_row = |row: &Vec<String>| {
+            row.len() == columns && !row[0].starts_with('#') && row.iter().all(|cell| is_value(cell))
+        };
+        Ok(columns > 1 && self.lines_below(delimiter)?.first().is_some_and(is_row))
     }
 
     /// Whether the next line is a row or a line of units: it has a digit, a missing value or a unit. The end of the file is a table without rows.
@@ -266,6 +293,12 @@ fn trimmed(line: &str) -> &str {
     if line.trim().is_empty() { "" } else { line.trim_matches(|c: char| c.is_whitespace() && c != '\t') }
 }
 
+/// A comment as the line of headers that it may be; `None` where nothing is behind the mark.
+pub(crate) fn comment_of(line: HeadLine) -> Option<HeadLine> {
+    let text = line.text.trim_start_matches('#').trim();
+    (!text.is_empty()).then(|| HeadLine { text: text.to_owned(), number: line.number })
+}
+
 /// Headers as many as the cells of the lines below, where these are of one width and differ by empty cells at the end alone: loggers end
 /// rows, or the headers, in a separator.
 pub(crate) fn fit_to_rows(names: &mut Vec<String>, rows: &[Vec<String>]) {
@@ -283,11 +316,11 @@ pub(crate) fn fit_to_rows(names: &mut Vec<String>, rows: &[Vec<String>]) {
 fn names_an_axis(text: &str, delimiter: u8, setup: &Setup) -> bool {
     let Ok(names) = split(text, delimiter) else { return false };
     names.iter().any(|name| {
-        let known = setup.columns.get(name).cloned().or_else(|| bracketed(name)).unwrap_or_else(|| name.clone());
+        let known = setup.columns.get(name).unwrap_or(name);
         // A wrong unit is a mistake in a line of headers, and is reported as one.
         let word = known.to_ascii_lowercase();
-        let axis = matches!(role_of(&known), Ok(Role::Counts { .. } | Role::Rate { .. }));
-        axis || is_rate(name) || word == "rate" || word.starts_with("rate_") || role_of(&known).is_err()
+        let axis = matches!(role_of(known), Ok(Role::Counts { .. } | Role::Rate { .. }));
+        axis || names::is_axis(name) || word == "rate" || word.starts_with("rate_") || role_of(known).is_err()
     })
 }
 
@@ -305,7 +338,7 @@ pub(crate) fn layout_of(line: &str, more: &[String], setup: &Setup) -> Result<Op
     if !names_an_axis(line, delimiter, setup) {
         return Ok(None);
     }
-    let (mut headers, _) = with_units(split(line, delimiter)?, &[], setup)?;
+    let mut headers = split(line, delimiter)?;
     headers.extend(more.iter().cloned());
     let (columns, _) = names::mapped(&headers, &[], &[], &setup.columns);
     Ok(Some((Layout::new(headers, &columns, setup.axis)?, delimiter)))
@@ -344,54 +377,31 @@ pub(crate) fn split(line: &str, delimiter: u8) -> Result<Vec<String>> {
     Ok(record.iter().map(|h| h.trim().to_owned()).collect())
 }
 
-/// A header with its unit in brackets as Sagnac writes it: `Temperature (°C)` is `temperature_c`.
-fn bracketed(header: &str) -> Option<String> {
-    let (name, rest) = header.split_once(['(', '['])?;
-    named(name.trim(), rest.strip_suffix([')', ']'])?.trim())
-}
-
-/// A quantity with a unit as Sagnac writes it; what comes behind the quantity's name stays: `rate x` in °/s is `rate_dps_x`.
-fn named(name: &str, unit: &str) -> Option<String> {
-    let lower = name.to_lowercase();
-    let (quantity, rest) = quantity_of(&lower);
-    let ending = ending_of(quantity, unit)?;
-    let parts = [quantity, ending, rest].into_iter().filter(|part| !part.is_empty());
-    let header = parts.collect::<Vec<_>>().join("_");
-    matches!(role_of(&header), Ok(role) if role != Role::Ignored).then_some(header)
-}
-
-/// The quantity that a header in small letters begins with, and the rest.
-fn quantity_of(lower: &str) -> (&str, &str) {
-    lower.split_once(['_', ' ', '-']).unwrap_or((lower, ""))
-}
-
-/// The ending of Sagnac's header for a quantity in a unit.
-fn ending_of(quantity: &str, unit: &str) -> Option<&'static str> {
-    UNITS.iter().find(|(kind, _)| *kind == quantity).and_then(|(_, units)| names::ending_of(unit, units))
-}
-
 /// True for the name of a unit of any quantity.
 pub(crate) fn is_unit(cell: &str) -> bool {
     let unit = bare(cell);
     !unit.is_empty()
         && !is_missing(unit.as_bytes())
-        && UNITS.iter().any(|(_, units)| names::ending_of(&unit, units).is_some())
+        && Quantity::ALL.iter().any(|quantity| quantity.ending_of(&unit).is_some())
+}
+
+/// A number, a date, or nothing.
+pub(crate) fn is_value(cell: &str) -> bool {
+    let bytes = cell.as_bytes();
+    cell.is_empty() || is_missing(bytes) || iso_ns(cell).is_some() || parse_value(bytes, cell.contains(',')).is_some()
 }
 
 /// The refusal of a unit that contradicts its header, or that no header can state.
 fn refuse_other_unit(name: &str, unit: &str) -> Result<()> {
     let lower = name.to_lowercase();
-    let (quantity, rest) = quantity_of(&lower);
-    let endings = || {
-        let of_quantity = UNITS.iter().filter(|(kind, _)| *kind == quantity);
-        of_quantity.flat_map(|(_, units)| units.iter()).map(|(_, ending)| *ending)
-    };
-    if bare(unit).is_empty() || is_missing(bare(unit).as_bytes()) || endings().next().is_none() {
+    let mut words = lower.split(['_', ' ', '-']);
+    let first = words.next().unwrap_or_default();
+    let Some(quantity) = Quantity::ALL.into_iter().find(|quantity| quantity.word() == first) else { return Ok(()) };
+    if bare(unit).is_empty() || is_missing(bare(unit).as_bytes()) {
         return Ok(());
     }
-    let stated = Some(quantity_of(rest).0)
-        .filter(|word| *word == "ns" || endings().any(|ending| ending == *word && !word.is_empty()));
-    let ending = ending_of(quantity, unit);
+    let is_ending = |word: &&str| !word.is_empty() && quantity.units().iter().any(|(_, ending)| ending == word);
+    let (stated, ending) = (words.next().filter(is_ending), quantity.ending_of(unit));
     let refused = |what: &str, help: String| Err(Error::input(what, help).column(name).value(unit));
     match (stated, ending) {
         (Some(stated), ending) if ending != Some(stated) => {
@@ -399,34 +409,9 @@ fn refuse_other_unit(name: &str, unit: &str) -> Result<()> {
             refused(&what, "correct one of the two: the program does not guess".to_owned())
         }
         // What a bare `time` holds is found by its values: dates have no unit.
-        (None, None) if quantity != "time" => {
+        (None, None) if quantity != Quantity::Time => {
             refused("unknown unit", format!("convert the column to one of these: {}", header::RECOGNISED))
         }
         _ => Ok(()),
     }
-}
-
-/// Headers with the units of their brackets, or of the line below; and the renamed ones. Those that the setup maps, and known ones, stay.
-fn with_units(names: Vec<String>, units: &[String], setup: &Setup) -> Result<(Vec<String>, Vec<String>)> {
-    let mut said = Vec::new();
-    let one = |(at, name): (usize, String)| {
-        if setup.columns.contains_key(&name) {
-            return Ok(name);
-        }
-        let below = units.get(at);
-        below.map_or(Ok(()), |unit| refuse_other_unit(&name, unit))?;
-        let below = below.and_then(|unit| named(&name, unit));
-        let known = matches!(role_of(&name), Ok(role) if role != Role::Ignored);
-        // The column of a bare `time` holds dates, unless a line of units says seconds.
-        let header = below.or_else(|| bracketed(&name).filter(|_| !known));
-        Ok(match header {
-            Some(header) if header != name => {
-                said.push(format!("{name} as {header}"));
-                header
-            }
-            _ => name,
-        })
-    };
-    let headers = names.into_iter().enumerate().map(one).collect::<Result<_>>()?;
-    Ok((headers, said))
 }

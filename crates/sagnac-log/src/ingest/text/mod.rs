@@ -1,5 +1,6 @@
 //! Delimited text: its head, and its lines as rows.
 
+mod blanks;
 mod expected;
 pub(crate) mod head;
 pub(crate) mod lines;

@@ -203,12 +203,16 @@ impl LimitSpec {
 
     /// Why the value is not known.
     fn why(&self, axis: &AxisVerification) -> String {
-        let lone = axis.residual.plateaus.is_some() && self.key == PLATEAU_OFFSET;
+        let lone = axis.residual.plateaus.filter(|_| self.key == PLATEAU_OFFSET);
         let flown = axis.flight_unavailable.as_deref().filter(|_| self.key == POSITION_ERROR);
-        if lone {
-            "one plateau alone: there is nothing to compare it with".to_owned()
-        } else {
-            flown.unwrap_or(self.unknown).to_owned()
+        match lone {
+            Some(lone) => {
+                let more = lone
+                    .missing_h
+                    .map_or("longer".to_owned(), |hours| format!("{:.0} min longer", (60.0 * hours).ceil()));
+                format!("one plateau alone: there is nothing to compare it with. Soak {more} at a second temperature")
+            }
+            None => flown.unwrap_or(self.unknown).to_owned(),
         }
     }
 }

@@ -58,6 +58,9 @@ pub struct Plateaus {
     pub worst_offset_dph: Estimate,
     /// Temperature of the plateau with that distance, °C.
     pub worst_offset_temperature_c: f64,
+    /// Of a lone plateau: so much more of the next soak, h, would make it a second one. Not in results that were written.
+    #[serde(skip)]
+    pub missing_h: Option<f64>,
 }
 
 /// Angle random walk of the rows, °/√h.
@@ -122,6 +125,8 @@ fn plateaus(used: &[&WindowPoint]) -> Option<Plateaus> {
     let steady: Vec<&WindowPoint> = used.iter().copied().filter(is_steady).collect();
     let stretches = level_stretches(steady.iter().map(|p| (p.run, p.temperature_c)));
     let mut all: Vec<&[&WindowPoint]> = stretches.into_iter().map(|stretch| &steady[stretch]).collect();
+    let longest_rest = all.iter().map(|stretch| stretch.len()).filter(|windows| *windows < FEWEST).max();
+    let missing_h = (FEWEST - longest_rest.unwrap_or(0)) as f64 * mean(&steady, |p| p.length_h);
     all.retain(|plateau| plateau.len() >= FEWEST);
     let values_of = |plateau: &&[&WindowPoint]| {
         let (n, centre) = (plateau.len() as f64, mean(plateau, |p| p.after_dph));
@@ -140,6 +145,7 @@ fn plateaus(used: &[&WindowPoint]) -> Option<Plateaus> {
         worst_relative_sigma: (2.0 * (loudest.3 - 1.0)).sqrt().recip(),
         worst_offset_dph: worst.1,
         worst_offset_temperature_c: worst.2,
+        missing_h: (values.len() == 1).then_some(missing_h),
     })
 }
 
@@ -352,6 +358,17 @@ mod tests {
         residual(points, &RetestNoise::of(&judged(points), false), None)
     }
 
+    /// Windows of 100 s: a second soak of fewer than five lacks the others.
+    #[test]
+    fn a_lone_plateau_says_how_much_of_the_next_is_missing() {
+        let all = points(|i, _, _| 0.01 * noise(i));
+        for rest in 0..10 {
+            let plateaus = residual_of(&all[..100 + rest]).plateaus.unwrap();
+            let missing = plateaus.missing_h.map(|hours| (36.0 * hours).round() as usize);
+            assert_eq!(missing, 5_usize.checked_sub(rest).filter(|windows| *windows > 0), "{rest}");
+        }
+    }
+
     #[test]
     fn what_was_put_in_comes_out() {
         let found = residual_of(&points(|i, t, r| 0.002 * t + 0.05 * r + 0.01 * noise(i)));
@@ -362,7 +379,7 @@ mod tests {
         );
         assert!((rate_slope.value - 0.05).abs() < 4.0 * rate_slope.sigma && rate_slope.sigma < 3e-3, "{rate_slope:?}");
         let plateaus = found.plateaus.unwrap();
-        assert_eq!(plateaus.plateaus, 2);
+        assert_eq!((plateaus.plateaus, plateaus.missing_h), (2, None));
         assert!(
             (plateaus.worst_offset_dph.value + 0.08).abs() < 0.002
                 && (plateaus.worst_offset_temperature_c + 40.0).abs() < 0.1
