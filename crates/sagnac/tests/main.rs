@@ -24,6 +24,7 @@ mod many_files;
 mod measured;
 mod pipeline;
 mod prior;
+mod profiles;
 mod rate_table;
 mod real_chamber;
 mod recordings;

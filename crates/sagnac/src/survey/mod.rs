@@ -8,8 +8,8 @@
 //!
 //! The trial has the rules of [`crate::fit::calibrate`] for span, windows and excluded stretches, so what they refuse is not called good here.
 //! A log is *good for calibration* if the trial is fitted, the windows, not only single readings, cover the least span, and at least half of
-//! the rows are used. It is *good for noise* if its counts vary and enough unbroken rows show that; else for nothing. Rates faster than any
-//! gyro are good for nothing, whatever they show.
+//! the rows are used. It is *good for noise* if its counts vary and enough unbroken rows show that; else it is not usable. Rates faster than any
+//! gyro are not usable, whatever they show.
 //!
 //! Fails where a log is wrong without a sign: a lone thermometer without noise that stops, a scale factor that was typed wrong, a chamber
 //! log that belongs to another test.

@@ -9,6 +9,8 @@
 //! mode, the path-length voltage at a reset) it is no outlier but something to be fitted: there the two sides are laid
 //! together before they are judged.
 //!
+//! A bump that the temperature makes, too, is its drift: at the ends of short soaks both bend.
+//!
 //! Limits: a bump longer than three windows passes unless it rises and falls like steps; so does a step
 //! of less than ten sigma or a quarter of the range, and either where the temperature rate changes by over
 //! 0.2 °C/min, because a drift with the rate bends and steps there too.
@@ -143,7 +145,7 @@ fn mark_stretch(windows: &mut Windows, members: &[usize], axis: usize) {
     // A bump is judged against the windows that no step took away.
     let left: Vec<usize> = members.iter().zip(&marked).filter(|(_, mark)| mark.is_none()).map(|(i, _)| *i).collect();
     let series = RateSeries::of(windows, axis, &left, &levels);
-    let residuals = residuals(windows, &left, &series);
+    let residuals = series.without_bends(residuals(windows, &left, &series));
     let limit = (BUMP_SIGMAS * robust_scale(&residuals)).max(BUMP_OF_RANGE * decile_range(&series.rates));
     for (i, member) in left.iter().enumerate().filter(|(i, _)| residuals[*i].abs() > limit && !series.turns_near(*i)) {
         windows.exclude(*member, if *member == members[0] && i == 0 { Reason::StartUp } else { Reason::Motion });
@@ -207,25 +209,39 @@ impl RateSeries {
         }
     }
 
-    /// The straight line through windows a and b, at window i.
-    fn line(&self, a: usize, b: usize, i: usize) -> f64 {
+    /// The straight line of some values through windows a and b, at window i.
+    fn line(&self, values: &[f64], a: usize, b: usize, i: usize) -> f64 {
         let part = (self.times_s[i] - self.times_s[a]) / (self.times_s[b] - self.times_s[a]);
-        self.rates[a] + part * (self.rates[b] - self.rates[a])
+        values[a] + part * (values[b] - values[a])
     }
 
-    /// How far window `i` lies from what its neighbours say: of five predictions the one that comes second
+    /// Residuals less what the temperature's own bends explain of them: at the end of a short soak the drift bends with it.
+    fn without_bends(&self, residuals: Vec<f64>) -> Vec<f64> {
+        let bends_c: Vec<f64> = (0..residuals.len()).map(|i| self.deviation(&self.temperatures_c, i)).collect();
+        let products: f64 = residuals.iter().zip(&bends_c).map(|(residual, bend_c)| residual * bend_c).sum();
+        let slope = products / bends_c.iter().map(|bend_c| bend_c * bend_c).sum::<f64>();
+        if !slope.is_finite() {
+            return residuals;
+        }
+        let less = |(residual, bend_c): (&f64, &f64)| {
+            let rest = residual - slope * bend_c;
+            if rest.abs() < residual.abs() { rest } else { *residual }
+        };
+        residuals.iter().zip(&bends_c).map(less).collect()
+    }
+
+    /// How far the value of window `i` lies from what its neighbours say: of five predictions the one that comes second
     /// closest. A bump contradicts them all; a bend of the drift only those that reach across it.
-    fn deviation(&self, i: usize) -> f64 {
-        let n = self.rates.len();
+    fn deviation(&self, values: &[f64], i: usize) -> f64 {
+        let n = values.len();
         let by = |k: usize| -> Option<f64> {
             match (i.checked_sub(k), i + k < n) {
-                (Some(before), true) => Some(self.line(before, i + k, i)),
-                (None, _) => (i + 2 * k < n).then(|| self.line(i + k, i + 2 * k, i)),
-                (Some(before), false) => before.checked_sub(k).map(|far| self.line(far, before, i)),
+                (Some(before), true) => Some(self.line(values, before, i + k, i)),
+                (None, _) => (i + 2 * k < n).then(|| self.line(values, i + k, i + 2 * k, i)),
+                (Some(before), false) => before.checked_sub(k).map(|far| self.line(values, far, before, i)),
             }
         };
-        let mut deviations: Vec<f64> =
-            (1..=NEIGHBOURS).filter_map(by).map(|predicted| self.rates[i] - predicted).collect();
+        let mut deviations: Vec<f64> = (1..=NEIGHBOURS).filter_map(by).map(|predicted| values[i] - predicted).collect();
         deviations.sort_by(|a, b| a.abs().total_cmp(&b.abs()));
         deviations.get(1).or(deviations.first()).copied().unwrap_or(0.0)
     }
@@ -280,7 +296,7 @@ impl RateSeries {
 /// Each window against its neighbours; a shorter window is noisier and counts for less.
 fn residuals(windows: &Windows, members: &[usize], series: &RateSeries) -> Vec<f64> {
     let trust = |i: usize| (windows.duration_s(i) / windows.shape.nominal_s).min(1.0).sqrt();
-    members.iter().enumerate().map(|(at, i)| series.deviation(at) * trust(*i)).collect()
+    members.iter().enumerate().map(|(at, i)| series.deviation(&series.rates, at) * trust(*i)).collect()
 }
 
 /// σ of normal values from the median of their sizes.
@@ -405,7 +421,7 @@ mod tests {
         let rates: Vec<f64> = times_s.iter().map(|t| (t / 9.0).sin()).collect();
         let sine = RateSeries { times_s, temperatures_c: vec![f64::NAN; rates.len()], rates };
         assert!(marks_of_steps(&sine, 0.1).iter().all(Option::is_none));
-        let worst = (0..200).map(|i| sine.deviation(i).abs()).fold(0.0, f64::max);
+        let worst = (0..200).map(|i| sine.deviation(&sine.rates, i).abs()).fold(0.0, f64::max);
         assert!(worst < 0.2, "{worst}");
     }
 
@@ -413,7 +429,7 @@ mod tests {
     fn ends_are_judged_by_extrapolation() {
         let line = series((0..20).map(f64::from).collect());
         for i in [0, 1, 10, 19] {
-            assert!(line.deviation(i).abs() < 1e-12);
+            assert!(line.deviation(&line.rates, i).abs() < 1e-12);
         }
     }
 }

@@ -5,11 +5,11 @@
 //!
 //! Fails where cells have quotes around a separator: the command splits a line at each of them.
 
-use sagnac_log::ingest::names::{Named, Quantity};
+use sagnac_log::ingest::names::{HeaderQuantity, Named};
 use sagnac_log::ingest::{Sample, SampleColumn};
 
 /// Columns of a time that is not read.
-pub(super) struct Clock {
+pub(super) struct MendedClock {
     /// Their places.
     pub(super) columns: Vec<usize>,
     /// What they are, and the command.
@@ -25,7 +25,7 @@ enum DateForm {
     Slashes,
 }
 
-impl Clock {
+impl MendedClock {
     /// Of a log without a time that is read; `None` where there is none.
     pub(super) fn of(sample: &Sample) -> Option<Self> {
         let columns = &sample.columns;
@@ -38,20 +38,24 @@ impl Clock {
         let date = find(&|column| date_form(column).is_some());
         let (places, what, program) = match (together, clock, date) {
             (Some(at), ..) => {
-                let (order, doubt) = order_of(&columns[at]);
+                let (order, open_order) = order_of(&columns[at]);
                 let split = format!("split(${0},d,\"[/ ]+\");${0}={order}\"T\"d[4]", at + 1);
-                (vec![at], format!("dates with slashes{doubt}"), guarded(at, "/", &split))
+                (vec![at], format!("dates with slashes{open_order}"), guarded(at, "/", &split))
             }
             (None, Some(clock), Some(date)) => {
                 let (c, d) = (clock + 1, date + 1);
-                let (join, doubt) = match date_form(&columns[date]) {
+                let (join, open_order) = match date_form(&columns[date]) {
                     Some(DateForm::Slashes) => {
-                        let (order, doubt) = order_of(&columns[date]);
-                        (format!("split(${d},d,\"/\");${c}={order}\"T\"${c}"), doubt)
+                        let (order, open_order) = order_of(&columns[date]);
+                        (format!("split(${d},d,\"/\");${c}={order}\"T\"${c}"), open_order)
                     }
                     _ => (format!("${c}=${d}\" \"${c}"), ""),
                 };
-                (vec![clock, date], format!("a date and a clock in two columns{doubt}"), guarded(clock, ":", &join))
+                (
+                    vec![clock, date],
+                    format!("a date and a clock in two columns{open_order}"),
+                    guarded(clock, ":", &join),
+                )
             }
             (None, Some(clock), None) => {
                 let c = clock + 1;
@@ -86,7 +90,8 @@ pub(super) fn is_of_clocks(column: &SampleColumn) -> bool {
 /// A column that is a time as it is.
 fn is_time_in_numbers(column: &SampleColumn) -> bool {
     let named = Named::of(&column.header, column.unit.as_deref());
-    let is_time = named.is_some_and(|named| named.quantity == Quantity::Time) || column.header.starts_with("time_");
+    let is_time =
+        named.is_some_and(|named| named.quantity == HeaderQuantity::Time) || column.header.starts_with("time_");
     is_time && column.numbers().len() > 1
 }
 
@@ -138,7 +143,7 @@ fn date_form(column: &SampleColumn) -> Option<DateForm> {
     all(column, is_plain).then_some(DateForm::Plain)
 }
 
-/// Year, month and day in the words of the command, and the doubt where no row tells their order.
+/// Year, month and day in the words of the command, and a note where no row shows their order.
 fn order_of(column: &SampleColumn) -> (&'static str, &'static str) {
     let dates = || column.cells.iter().filter_map(|cell| slashes(cell)).map(|(numbers, _)| numbers);
     let (month_first, day_first) = ("d[3]\"-\"d[1]\"-\"d[2]", "d[3]\"-\"d[2]\"-\"d[1]");

@@ -5,11 +5,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use sagnac_log::ingest::header::{Role, role_of};
-use sagnac_log::ingest::names::{Named, Quantity, Unit, recognised};
+use sagnac_log::ingest::names::{HeaderQuantity, HeaderUnit, Named, recognised};
 use sagnac_log::ingest::{Sample, SampleColumn};
 use sagnac_log::setup::RateUnit;
 
-use crate::verbs::init::clocks::{Clock, is_of_clocks};
+use crate::verbs::init::clocks::{MendedClock, is_of_clocks};
 use crate::verbs::init::values::{TriadUnit, is_clock, of_rates, of_temperature};
 
 /// What a column is for, and how sure that is.
@@ -61,7 +61,7 @@ pub(super) fn guesses_of(sample: &Sample) -> Guesses {
     let cells = of(|column| column.cells.first().cloned().unwrap_or_default());
     let sure = recognised(&of(|column| column.header.clone()), &units, &cells, &BTreeMap::new());
     let mut used: BTreeSet<String> = sure.iter().flatten().map(|role| kind_of(role)).collect();
-    let clock = Clock::of(sample);
+    let clock = MendedClock::of(sample);
     let one = |(at, (column, role)): (usize, (&SampleColumn, Option<String>))| match role {
         Some(role) => Some(Guess::sure(role)),
         None if clock.as_ref().is_some_and(|clock| clock.columns.contains(&at)) => {
@@ -100,19 +100,19 @@ fn guess(column: &SampleColumn, used: &mut BTreeSet<String>) -> Option<Guess> {
         return (is_flag && used.insert("valid".to_owned())).then(flag);
     };
     // A `t` that only rises is the time; any other is a temperature.
-    let is_alone = named.is_letter && named.words.len() == 1 && named.unit == Unit::Open;
-    let is_t = is_alone && named.quantity == Quantity::Temperature && !used.contains("time_");
+    let is_alone = named.is_letter && named.words.len() == 1 && named.unit == HeaderUnit::Open;
+    let is_t = is_alone && named.quantity == HeaderQuantity::Temperature && !used.contains("time_");
     let guess = match named.quantity {
         _ if is_t && is_clock(&column.numbers()) => time(column, &named),
-        Quantity::Time => time(column, &named),
-        Quantity::Temperature => Some(temperature(column, &named)),
-        Quantity::Counts => Some(Guess::because(named.role(""), by_name_or_unit(&named))),
-        Quantity::Rate => match named.unit {
-            Unit::Known(ending) if named.by_unit.is_some() => {
+        HeaderQuantity::Time => time(column, &named),
+        HeaderQuantity::Temperature => Some(temperature(column, &named)),
+        HeaderQuantity::Counts => Some(Guess::because(named.role(""), by_name_or_unit(&named))),
+        HeaderQuantity::Rate => match named.unit {
+            HeaderUnit::Known(ending) if named.by_unit.is_some() => {
                 Some(Guess::because(named.role(ending), by_name_or_unit(&named)))
             }
-            Unit::Known(ending) => Some(Guess::sure(named.role(ending))),
-            Unit::Unread(_) | Unit::Open => None,
+            HeaderUnit::Known(ending) => Some(Guess::sure(named.role(ending))),
+            HeaderUnit::Unread(_) | HeaderUnit::Open => None,
         },
     }?;
     (guess.role == "ignore" || used.insert(kind_of(&guess.role))).then_some(guess)
@@ -127,7 +127,7 @@ fn by_name_or_unit(named: &Named) -> String {
 fn with_rates(columns: &[SampleColumn], mut guesses: Vec<Option<Guess>>, used: &mut BTreeSet<String>) -> Guesses {
     let axis = |(at, column): (usize, &SampleColumn)| {
         let named = Named::of(&column.header, column.unit.as_deref())?;
-        let is_open = guesses[at].is_none() && named.quantity == Quantity::Rate && named.unit == Unit::Open;
+        let is_open = guesses[at].is_none() && named.quantity == HeaderQuantity::Rate && named.unit == HeaderUnit::Open;
         let numbers = column.numbers();
         let is_ours = is_open && !numbers.is_empty() && matches!(role_of(&column.header), Ok(Role::Ignored) | Err(_));
         is_ours.then_some((at, named, numbers))
@@ -203,11 +203,11 @@ fn kind_of(role: &str) -> String {
 fn time(column: &SampleColumn, named: &Named) -> Option<Guess> {
     let numbers = column.numbers();
     let role = |ending: &str| format!("time_{ending}");
-    if let Unit::Known(ending) = named.unit {
+    if let HeaderUnit::Known(ending) = named.unit {
         return Some(Guess::sure(role(ending)));
     }
     let word = || named.words.iter().find(|word| UNREAD_TIME_UNITS.contains(&word.as_str())).cloned();
-    let unread = if let Unit::Unread(unit) = &named.unit { Some(unit.clone()) } else { word() };
+    let unread = if let HeaderUnit::Unread(unit) = &named.unit { Some(unit.clone()) } else { word() };
     if let Some(unit) = unread {
         let why = format!("a time in {unit} is not read; convert it to seconds");
         return Some(Guess::because("ignore".to_owned(), why));
@@ -226,12 +226,14 @@ fn time(column: &SampleColumn, named: &Named) -> Option<Guess> {
 
 fn temperature(column: &SampleColumn, named: &Named) -> Guess {
     match &named.unit {
-        Unit::Known(ending) if named.by_unit.is_some() => Guess::because(named.role(ending), by_name_or_unit(named)),
-        Unit::Known(ending) => Guess::sure(named.role(ending)),
-        Unit::Unread(unit) => {
+        HeaderUnit::Known(ending) if named.by_unit.is_some() => {
+            Guess::because(named.role(ending), by_name_or_unit(named))
+        }
+        HeaderUnit::Known(ending) => Guess::sure(named.role(ending)),
+        HeaderUnit::Unread(unit) => {
             Guess::because("ignore".to_owned(), format!("a temperature in {unit} is not read; convert it to °C"))
         }
-        Unit::Open => {
+        HeaderUnit::Open => {
             let mut sorted = column.numbers();
             sorted.sort_by(f64::total_cmp);
             let middle = sorted.get(sorted.len() / 2).copied().unwrap_or(0.0);

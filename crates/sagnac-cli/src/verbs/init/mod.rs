@@ -18,7 +18,7 @@ use sagnac_units::format::{counted, file_name, one_line};
 
 use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
-use crate::verbs::init::clocks::Clock;
+use crate::verbs::init::clocks::MendedClock;
 use crate::verbs::init::guesses::{Guess, Guesses, guesses_of, row_s};
 use crate::verbs::verb::Verb;
 
@@ -79,7 +79,8 @@ fn setup_of(log: &Path, sample: &Sample) -> String {
         out += &counter(&sample.columns, &guesses);
     }
     if !is("time") {
-        let mended = Clock::of(sample).map_or(String::new(), |clock| format!("\n# {}", named_in(&clock.mended, log)));
+        let mended =
+            MendedClock::of(sample).map_or(String::new(), |clock| format!("\n# {}", named_in(&clock.mended, log)));
         out += &format!(
             "\n# NEEDED: no column of time was found. The length of a row, s:\n# sample_interval_s = 1.0{mended}\n"
         );

@@ -88,7 +88,7 @@ pub(super) fn of_temperature(values: &[f64]) -> Result<&'static str, String> {
     }
 }
 
-/// Whether a column of a name that says little is a time: it rises, or rises and begins anew with a second run.
+/// Whether a column of a name that says little is a time: it rises, or rises and begins again with a second run.
 pub(super) fn is_clock(values: &[f64]) -> bool {
     let steps = || values.windows(2).map(|pair| pair[1] - pair[0]);
     let Some(first) = values.first().filter(|_| values.len() > 1) else { return false };

@@ -66,7 +66,7 @@ impl EvenClock {
         (self.rows, off)
     }
 
-    /// Begins anew: the stamps restart.
+    /// Begins again: the stamps restart.
     pub(crate) fn restart(&mut self) {
         *self = Self::new(EvenStamps { missing_of_first: 0.0, ..self.stamps });
     }

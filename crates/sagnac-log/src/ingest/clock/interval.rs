@@ -203,16 +203,18 @@ fn first_times(
     [times_wanted, rows_wanted]: [usize; 2],
     ahead: &mut VecDeque<RawRows>,
 ) -> Result<(usize, FirstStamps, Vec<i64>)> {
-    let (mut read, mut first, mut times) = (0, FirstStamps::default(), Vec::new());
+    let (mut read, mut first, mut times, mut before) = (0, FirstStamps::default(), Vec::new(), None);
     let mut rows = RawRows::default();
     while (times.len() < times_wanted || first.stamps.len() < rows_wanted) && pieces.next(&mut rows)? {
         read += rows.len();
         for row in (0..rows.len()).filter(|row| !rows.faults[*row].has(Faults::RAGGED)) {
-            let Some(time) = rows.time(row).filter(|_| first.stamps.len() < rows_wanted) else { continue };
-            let repeats = first.stamps.last() == Some(&time);
-            let is_same = |column: &Vec<f64>| row > 0 && column[row] == column[row - 1];
-            first.doubled += usize::from(repeats && rows.axes.iter().all(is_same));
-            first.stamps.push(time);
+            let Some(time) = rows.time(row) else { continue };
+            let repeats = before.replace(time) == Some(time);
+            if first.stamps.len() < rows_wanted {
+                let is_same = |column: &Vec<f64>| row > 0 && column[row] == column[row - 1];
+                first.doubled += usize::from(repeats && rows.axes.iter().all(is_same));
+                first.stamps.push(time);
+            }
             if !repeats && times.len() < times_wanted {
                 times.push(time);
             }

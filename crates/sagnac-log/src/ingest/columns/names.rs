@@ -10,36 +10,36 @@ use std::collections::BTreeMap;
 use crate::ingest::columns::header::{Role, role_of};
 use crate::ingest::columns::iso::iso_ns;
 use crate::ingest::columns::number::ISO_8601;
-pub use crate::ingest::columns::words::{Named, Quantity, Unit};
+pub use crate::ingest::columns::words::{HeaderQuantity, HeaderUnit, Named};
 use sagnac_units::format::controls;
 
 /// Sagnac's header for a column whose header states quantity and unit, or whose first cell is a date; and whether it begins as Sagnac's own.
 fn certain(header: &str, unit: Option<&str>, cell: Option<&str>) -> Option<(String, bool)> {
     let named = Named::of(header, unit)?;
     let is_own = named.is_own();
-    if named.quantity == Quantity::Time && cell.is_some_and(|cell| iso_ns(cell).is_some()) {
+    if named.quantity == HeaderQuantity::Time && cell.is_some_and(|cell| iso_ns(cell).is_some()) {
         return Some(("time".to_owned(), is_own));
     }
-    let is_clear = named.by_unit.is_none() && (is_own || named.quantity != Quantity::Counts);
+    let is_clear = named.by_unit.is_none() && (is_own || named.quantity != HeaderQuantity::Counts);
     match named.unit {
-        Unit::Known(ending) if is_clear => Some((named.role(ending), is_own)),
+        HeaderUnit::Known(ending) if is_clear => Some((named.role(ending), is_own)),
         _ => None,
     }
 }
 
-fn quantity_of(header: &str) -> Option<Quantity> {
+fn quantity_of(header: &str) -> Option<HeaderQuantity> {
     match role_of(header).ok()? {
-        Role::Time { .. } => Some(Quantity::Time),
-        Role::Temperature { .. } => Some(Quantity::Temperature),
+        Role::Time { .. } => Some(HeaderQuantity::Time),
+        Role::Temperature { .. } => Some(HeaderQuantity::Temperature),
         // One stands for the other: both are an axis.
-        Role::Counts { .. } | Role::Rate { .. } => Some(Quantity::Rate),
+        Role::Counts { .. } | Role::Rate { .. } => Some(HeaderQuantity::Rate),
         _ => None,
     }
 }
 
 /// True for a header whose words state an axis and the unit of its rate or counts.
 pub(crate) fn is_axis(header: &str) -> bool {
-    certain(header, None, None).is_some_and(|(role, _)| quantity_of(&role) == Some(Quantity::Rate))
+    certain(header, None, None).is_some_and(|(role, _)| quantity_of(&role) == Some(HeaderQuantity::Rate))
 }
 
 /// Whether a header may be recognised: as it stands it is none of Sagnac's, or not a whole one.
@@ -70,24 +70,25 @@ pub fn recognised(
         // An ending that is no letter of an axis, or a control character, is no header of ours.
         Some((quantity_of(&role)?, role, is_own))
     };
-    let all: Vec<Option<(Quantity, String, bool)>> = headers.iter().enumerate().map(one).collect();
+    let all: Vec<Option<(HeaderQuantity, String, bool)>> = headers.iter().enumerate().map(one).collect();
     let of_own = all.iter().flatten().filter(|(.., is_own)| *is_own).map(|(quantity, ..)| *quantity);
     let open = headers.iter().zip(&all).filter(|(_, one)| one.is_none()).filter_map(|(header, _)| own(header));
-    let known: Vec<Quantity> = of_own.chain(open).collect();
-    let found = |(quantity, _, is_own): &&(Quantity, String, bool)| *is_own || !known.contains(quantity);
-    let all: Vec<Option<(Quantity, String, bool)>> =
+    let known: Vec<HeaderQuantity> = of_own.chain(open).collect();
+    let found = |(quantity, _, is_own): &&(HeaderQuantity, String, bool)| *is_own || !known.contains(quantity);
+    let all: Vec<Option<(HeaderQuantity, String, bool)>> =
         all.iter().map(|one| one.as_ref().filter(found).cloned()).collect();
     // Of several times the first is read; which of two rates or thermometers is meant, no header says.
-    let is_first_time = |at: usize| !all[..at].iter().flatten().any(|(quantity, ..)| *quantity == Quantity::Time);
+    let is_first_time = |at: usize| !all[..at].iter().flatten().any(|(quantity, ..)| *quantity == HeaderQuantity::Time);
     let is_alone = |role: &String| all.iter().flatten().filter(|(_, other, _)| same_place(other, role)).count() == 1;
     // A log read without one of its axes would look whole: where one is open, all are.
-    let are_rates_clear = all.iter().flatten().filter(|one| one.0 == Quantity::Rate).all(|(_, role, _)| is_alone(role));
-    let keep = |(at, one): (usize, &Option<(Quantity, String, bool)>)| {
+    let are_rates_clear =
+        all.iter().flatten().filter(|one| one.0 == HeaderQuantity::Rate).all(|(_, role, _)| is_alone(role));
+    let keep = |(at, one): (usize, &Option<(HeaderQuantity, String, bool)>)| {
         let (quantity, role, is_own) = one.clone()?;
         let is_kept = match quantity {
-            Quantity::Time => is_first_time(at),
-            Quantity::Temperature => is_alone(&role),
-            Quantity::Counts | Quantity::Rate => are_rates_clear,
+            HeaderQuantity::Time => is_first_time(at),
+            HeaderQuantity::Temperature => is_alone(&role),
+            HeaderQuantity::Counts | HeaderQuantity::Rate => are_rates_clear,
         };
         (is_own || is_kept).then_some(role)
     };

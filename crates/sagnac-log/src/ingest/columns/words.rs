@@ -149,7 +149,7 @@ const COUNT_UNITS: &UnitSpellings = &[(&["counts", "count", "cts", "pulses", "pu
 
 /// Quantities of columns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Quantity {
+pub enum HeaderQuantity {
     /// A time.
     Time,
     /// A thermometer.
@@ -160,7 +160,7 @@ pub enum Quantity {
     Rate,
 }
 
-impl Quantity {
+impl HeaderQuantity {
     /// In the order in which a header of several is read.
     pub(crate) const ALL: [Self; 4] = [Self::Time, Self::Temperature, Self::Counts, Self::Rate];
 
@@ -203,7 +203,7 @@ impl Quantity {
 
 /// The unit of a header.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Unit {
+pub enum HeaderUnit {
     /// The ending of Sagnac's header.
     Known(&'static str),
     /// A unit that Sagnac does not read.
@@ -216,9 +216,9 @@ pub enum Unit {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Named {
     /// Its quantity.
-    pub quantity: Quantity,
+    pub quantity: HeaderQuantity,
     /// Its unit.
-    pub unit: Unit,
+    pub unit: HeaderUnit,
     /// Axis or thermometer as the ending `_x`; empty where there is none.
     pub place: String,
     /// Its words.
@@ -235,24 +235,24 @@ impl Named {
         let (mut words, mut groups) = parts_of(header);
         let unit = unit.map(str::to_owned).or_else(|| unit_of(&mut groups, &words));
         words.extend(groups.iter().flat_map(|group| words_of(index(group).unwrap_or(group))));
-        let stated = |quantity: Quantity| stated(quantity, unit.as_deref(), &words);
-        let is_known = |quantity: &Quantity| matches!(stated(*quantity), Unit::Known(_));
-        let named = || Quantity::ALL.into_iter().filter(|quantity| quantity.is_named_by(&words));
-        let letter = || by_letter(&words, is_known(&Quantity::Time), is_known(&Quantity::Rate));
+        let stated = |quantity: HeaderQuantity| stated(quantity, unit.as_deref(), &words);
+        let is_known = |quantity: &HeaderQuantity| matches!(stated(*quantity), HeaderUnit::Known(_));
+        let named = || HeaderQuantity::ALL.into_iter().filter(|quantity| quantity.is_named_by(&words));
+        let letter = || by_letter(&words, is_known(&HeaderQuantity::Time), is_known(&HeaderQuantity::Rate));
         let unit_text = unit.as_deref().or_else(|| behind_blank(header));
         let by_unit = unit_text.and_then(of_unit);
         // `Kreisel [Impulse]` has counts; a unit that nobody knows leaves the word as it is.
-        let is_of_counts = by_unit == Some((Quantity::Counts, ""));
+        let is_of_counts = by_unit == Some((HeaderQuantity::Counts, ""));
         let by_word = named().find(is_known).or_else(|| named().next().filter(|_| !is_of_counts));
         let by_letter = if by_word.is_none() { letter() } else { None };
         let (quantity, unit) = match by_word.or(by_letter) {
             Some(quantity) => (quantity, stated(quantity)),
-            None => by_unit.map(|(quantity, ending)| (quantity, Unit::Known(ending)))?,
+            None => by_unit.map(|(quantity, ending)| (quantity, HeaderUnit::Known(ending)))?,
         };
         let place = match quantity {
-            Quantity::Time => String::new(),
-            Quantity::Temperature => thermometer_of(&words),
-            Quantity::Counts | Quantity::Rate => axis_of(&words),
+            HeaderQuantity::Time => String::new(),
+            HeaderQuantity::Temperature => thermometer_of(&words),
+            HeaderQuantity::Counts | HeaderQuantity::Rate => axis_of(&words),
         };
         let by_unit = unit_text.filter(|_| by_word.or(by_letter).is_none()).map(str::to_owned);
         Some(Self { quantity, unit, place, is_letter: by_letter.is_some(), by_unit, words })
@@ -297,11 +297,11 @@ pub(crate) fn bare(unit: &str) -> String {
 }
 
 /// The quantity that a unit alone names, and its ending; seconds and one letter say too little.
-fn of_unit(unit: &str) -> Option<(Quantity, &'static str)> {
-    let of = |quantity: Quantity| Some((quantity, quantity.ending_of(unit)?));
+fn of_unit(unit: &str) -> Option<(HeaderQuantity, &'static str)> {
+    let of = |quantity: HeaderQuantity| Some((quantity, quantity.ending_of(unit)?));
     let is_count = COUNTS.contains(&unit.to_lowercase().as_str());
-    let known = of(Quantity::Temperature).or_else(|| of(Quantity::Rate));
-    known.or_else(|| is_count.then_some((Quantity::Counts, ""))).filter(|_| unit.chars().count() > 1)
+    let known = of(HeaderQuantity::Temperature).or_else(|| of(HeaderQuantity::Rate));
+    known.or_else(|| is_count.then_some((HeaderQuantity::Counts, ""))).filter(|_| unit.chars().count() > 1)
 }
 
 /// The words of a header outside of its brackets, and the text of each bracket.
@@ -318,10 +318,10 @@ fn parts_of(header: &str) -> (Vec<String>, Vec<String>) {
 
 /// The unit among the brackets, which is taken out of them: a known one, else the last that is no axis. The 1 of counts is a unit.
 fn unit_of(groups: &mut Vec<String>, words: &[String]) -> Option<String> {
-    let is_of_counts = Quantity::Counts.is_named_by(words);
+    let is_of_counts = HeaderQuantity::Counts.is_named_by(words);
     let is_axis =
         |group: &&String| AXES.contains(&group.to_lowercase().as_str()) || index(group).is_some() && !is_of_counts;
-    let is_known = |group: &String| Quantity::ALL.iter().any(|quantity| quantity.ending_of(group).is_some());
+    let is_known = |group: &String| HeaderQuantity::ALL.iter().any(|quantity| quantity.ending_of(group).is_some());
     let at = groups.iter().position(|group| !is_axis(&group) && is_known(group));
     let at = at.or_else(|| groups.iter().rposition(|group| !is_axis(&group)))?;
     Some(groups.remove(at))
@@ -342,10 +342,12 @@ fn words_of(text: &str) -> Vec<String> {
 fn words_in(token: &str) -> Vec<String> {
     let whole = vec![token.to_lowercase()];
     let is_quantity = |words: &[String]| {
-        let is_of = |quantity: Quantity| quantity.is_named_by(words);
-        is_of(Quantity::Temperature) || is_of(Quantity::Rate) || Quantity::Time.is_named_by(&words[..1])
+        let is_of = |quantity: HeaderQuantity| quantity.is_named_by(words);
+        is_of(HeaderQuantity::Temperature)
+            || is_of(HeaderQuantity::Rate)
+            || HeaderQuantity::Time.is_named_by(&words[..1])
     };
-    if is_quantity(&whole) || Quantity::ALL.iter().any(|quantity| quantity.ending_of(token).is_some()) {
+    if is_quantity(&whole) || HeaderQuantity::ALL.iter().any(|quantity| quantity.ending_of(token).is_some()) {
         return whole;
     }
     let mut parts: Vec<String> = Vec::new();
@@ -379,33 +381,33 @@ fn apart(word: &str) -> Vec<String> {
 }
 
 /// The unit of a quantity: from brackets or a line of units, else from the words behind the first, also two of them: `rad_s`.
-fn stated(quantity: Quantity, unit: Option<&str>, words: &[String]) -> Unit {
+fn stated(quantity: HeaderQuantity, unit: Option<&str>, words: &[String]) -> HeaderUnit {
     // A stated unit that is not known is not overruled by a word of the name.
     if let Some(unit) = unit {
-        return quantity.ending_of(unit).map_or(Unit::Unread(unit.to_owned()), Unit::Known);
+        return quantity.ending_of(unit).map_or(HeaderUnit::Unread(unit.to_owned()), HeaderUnit::Known);
     }
-    if quantity == Quantity::Counts {
-        return Unit::Open;
+    if quantity == HeaderQuantity::Counts {
+        return HeaderUnit::Open;
     }
     let one = words.iter().enumerate().filter(|(at, word)| *at > 0 || word.len() > 4).map(|(_, word)| word.clone());
     let two = words.windows(2).skip(1).map(|pair| format!("{}/{}", pair[0], pair[1]));
     let three = words.windows(3).skip(1).filter(|words| words[1] == "per");
     let three = three.map(|words| format!("{}/{}", words[0], words[2]));
-    one.chain(two).chain(three).find_map(|unit| quantity.ending_of(&unit)).map_or(Unit::Open, Unit::Known)
+    one.chain(two).chain(three).find_map(|unit| quantity.ending_of(&unit)).map_or(HeaderUnit::Open, HeaderUnit::Known)
 }
 
 /// The quantity that one letter names: `t` a time with a unit of times and else a temperature; `gx`, `wx` and `w` with an axis a rate. A
 /// `gx` may be an acceleration where no unit says otherwise.
-fn by_letter(words: &[String], is_time: bool, is_rate: bool) -> Option<Quantity> {
+fn by_letter(words: &[String], is_time: bool, is_rate: bool) -> Option<HeaderQuantity> {
     let first = words.first()?.as_str();
     if first == "t" {
-        return Some(if is_time { Quantity::Time } else { Quantity::Temperature });
+        return Some(if is_time { HeaderQuantity::Time } else { HeaderQuantity::Temperature });
     }
     let is_glued = |word: &String| word.strip_prefix(['g', 'w', 'ω']).is_some_and(|axis| AXES.contains(&axis));
     let is_apart = ["w", "ω"].contains(&first) && words.iter().any(|word| AXES.contains(&word.as_str()));
     let is_turn = is_rate && words.iter().any(|word| TURNS.contains(&word.as_str()));
     let is_gyro = words.iter().any(is_glued) || is_apart || is_turn;
-    (is_gyro && !words.iter().any(|word| NO_GYRO.contains(&word.as_str()))).then_some(Quantity::Rate)
+    (is_gyro && !words.iter().any(|word| NO_GYRO.contains(&word.as_str()))).then_some(HeaderQuantity::Rate)
 }
 
 /// The axis among the words: a letter, else one that is glued to `g` or `w`, else a turn.
@@ -422,13 +424,13 @@ fn axis_of(words: &[String]) -> String {
 
 /// The name of a thermometer: the words that are neither a quantity nor a unit, as the ending `_chamber`.
 fn thermometer_of(words: &[String]) -> String {
-    let is_own = words.first().is_some_and(|word| word == Quantity::Temperature.word());
+    let is_own = words.first().is_some_and(|word| word == HeaderQuantity::Temperature.word());
     let words = if is_own { &words[1..] } else { words };
     let is_plain = |word: &&String| {
         word.as_str() != "t"
             && (is_own || !TEMPERATURE.contains(&word.as_str()))
             && !["deg", "degree", "degrees"].contains(&word.as_str())
-            && Quantity::Temperature.ending_of(word).is_none()
+            && HeaderQuantity::Temperature.ending_of(word).is_none()
     };
     let name: Vec<&str> = words.iter().filter(is_plain).map(String::as_str).collect();
     if name.is_empty() { String::new() } else { format!("_{}", name.join("_")) }
@@ -443,10 +445,10 @@ fn behind_blank(header: &str) -> Option<&str> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use Quantity::{Counts, Rate, Temperature, Time};
+    use HeaderQuantity::{Counts, Rate, Temperature, Time};
 
     /// A header, its quantity, its unit (`?` for none, `!` for one that is not read), and its axis or thermometer.
-    const SPELLINGS: [(&str, Quantity, &str, &str); 104] = [
+    const SPELLINGS: [(&str, HeaderQuantity, &str, &str); 104] = [
         ("gx", Rate, "?", "_x"),
         ("wy", Rate, "?", "_y"),
         ("ωz", Rate, "?", "_z"),
@@ -558,9 +560,9 @@ mod tests {
         for (header, quantity, unit, place) in SPELLINGS {
             let named = Named::of(header, None).unwrap_or_else(|| panic!("{header}"));
             let found = match &named.unit {
-                Unit::Known(ending) => ending,
-                Unit::Unread(_) => "!",
-                Unit::Open => "?",
+                HeaderUnit::Known(ending) => ending,
+                HeaderUnit::Unread(_) => "!",
+                HeaderUnit::Open => "?",
             };
             assert_eq!((named.quantity, found, named.place.as_str()), (quantity, unit, place), "{header}");
         }
@@ -602,7 +604,7 @@ mod tests {
             let Some((name, rest)) = header.split_once(" [").or_else(|| header.split_once(" (")) else { continue };
             if !rest.contains(['(', '[']) {
                 let named = Named::of(name, Some(rest.trim_end_matches([']', ')']))).unwrap();
-                let known = matches!(named.unit, Unit::Known(ending) if ending == unit);
+                let known = matches!(named.unit, HeaderUnit::Known(ending) if ending == unit);
                 assert_eq!((named.quantity, known, named.place.as_str()), (quantity, unit != "!", place), "{header}");
             }
         }

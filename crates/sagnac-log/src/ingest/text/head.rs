@@ -22,7 +22,7 @@ use crate::ingest::columns::header::{self, COMPENSATED_STAMP, Layout, Role, role
 use crate::ingest::columns::iso::iso_ns;
 use crate::ingest::columns::names;
 use crate::ingest::columns::number::{is_missing, parse_value};
-use crate::ingest::columns::words::{Quantity, bare};
+use crate::ingest::columns::words::{HeaderQuantity, bare};
 use crate::ingest::text::blanks::{SingleBlanks, are_between_cells};
 use crate::ingest::text::lines::line_without_end;
 use crate::setup::Setup;
@@ -382,7 +382,7 @@ pub(crate) fn is_unit(cell: &str) -> bool {
     let unit = bare(cell);
     !unit.is_empty()
         && !is_missing(unit.as_bytes())
-        && Quantity::ALL.iter().any(|quantity| quantity.ending_of(&unit).is_some())
+        && HeaderQuantity::ALL.iter().any(|quantity| quantity.ending_of(&unit).is_some())
 }
 
 /// A number, a date, or nothing.
@@ -396,7 +396,9 @@ fn refuse_other_unit(name: &str, unit: &str) -> Result<()> {
     let lower = name.to_lowercase();
     let mut words = lower.split(['_', ' ', '-']);
     let first = words.next().unwrap_or_default();
-    let Some(quantity) = Quantity::ALL.into_iter().find(|quantity| quantity.word() == first) else { return Ok(()) };
+    let Some(quantity) = HeaderQuantity::ALL.into_iter().find(|quantity| quantity.word() == first) else {
+        return Ok(());
+    };
     if bare(unit).is_empty() || is_missing(bare(unit).as_bytes()) {
         return Ok(());
     }
@@ -409,7 +411,7 @@ fn refuse_other_unit(name: &str, unit: &str) -> Result<()> {
             refused(&what, "correct one of the two: the program does not guess".to_owned())
         }
         // What a bare `time` holds is found by its values: dates have no unit.
-        (None, None) if quantity != Quantity::Time => {
+        (None, None) if quantity != HeaderQuantity::Time => {
             refused("unknown unit", format!("convert the column to one of these: {}", header::RECOGNISED))
         }
         _ => Ok(()),

@@ -2,11 +2,14 @@
 //!
 //! A problem does not change: another set of columns is another problem on the same rows.
 
+use crate::diagnostics::profile::{TOGETHER, rate_explained};
+use crate::diagnostics::{points, run_spans};
 use crate::fit::problem::axis::Axis;
 use crate::fit::problem::levels::{Level, levels};
 use crate::fit::problem::rows::AxisRows;
 use crate::model::input::Signal;
 use crate::noise_model::factor::RunColumns;
+use crate::window::Windows;
 use sagnac_log::error::Result;
 use std::ops::Deref;
 use std::sync::Arc;
@@ -21,6 +24,13 @@ pub(crate) struct LeastSquares<'a> {
     levels: Vec<Level>,
     tau_from: Vec<usize>,
     without_main_rate: bool,
+}
+
+/// A test that only heats: temperature explains its rate, and the steps of a thermometer decide which of the two a fit takes.
+fn rate_is_temperature(windows: &Windows, signal: Signal) -> bool {
+    let Signal::Thermometer(sensor) = signal else { return false };
+    let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
+    rate_explained(&profile).is_some_and(|part| part > TOGETHER)
 }
 
 impl<'a> Deref for LeastSquares<'a> {
@@ -39,7 +49,8 @@ impl<'a> LeastSquares<'a> {
     pub(crate) fn new(axis: &Axis<'a>, signals: &[Signal]) -> Result<Self> {
         let rows = AxisRows::new(axis, signals)?;
         let levels = levels(rows.turning.as_ref(), &rows.used, &rows.run, rows.runs.len());
-        Ok(Self { levels, tau_from: vec![0; rows.inputs.len()], without_main_rate: false, rows: Arc::new(rows) })
+        let without_main_rate = signals.first().is_some_and(|signal| rate_is_temperature(axis.windows, *signal));
+        Ok(Self { levels, tau_from: vec![0; rows.inputs.len()], without_main_rate, rows: Arc::new(rows) })
     }
 
     /// Columns before the terms of a model.
@@ -74,7 +85,7 @@ impl<'a> LeastSquares<'a> {
         slower
     }
 
-    /// True where rate terms over the thermometer of the fit may be selected.
+    /// True where rate terms over the thermometer of the fit may be selected: nowhere if temperature explains its own rate.
     pub(crate) fn tries_main_rate(&self) -> bool {
         self.has_rate() && !self.without_main_rate
     }
