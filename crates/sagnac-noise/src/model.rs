@@ -133,8 +133,10 @@ impl<'a> Model<'a> {
         let beats = |first: usize| count_arcsec.is_some_and(|count| is_rounding(&points[..first], tau0_s, count));
         let may_begin = |first: &usize| falls_short || *first <= MOST_OF_DITHER || beats(*first);
         let first = first.map(|(first, _)| first).filter(may_begin);
-        // What just passes is still bent. One octave more costs little; the tail of a filter's memory, e^(−τ/T), needs two.
-        let more: &[usize] = if falls_short { &[2, 1] } else { &[1] };
+        // What just passes is still bent. One octave more costs little; the tail of a filter's memory, e^(−τ/T), needs two, and so does a
+        // long beat, which fades as the noise of the angle grows to several counts.
+        let has_tail = falls_short || first.is_some_and(|first| first > MOST_OF_DITHER);
+        let more: &[usize] = if has_tail { &[2, 1] } else { &[1] };
         let later = |first: usize| more.iter().map(move |more| from((first + more).min(last)));
         let holds = |model: &Self| model.agreement().is_some_and(|of| of.holds);
         let lawful = first.and_then(|first| later(first).find(holds));

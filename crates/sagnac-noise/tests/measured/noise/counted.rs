@@ -1,7 +1,7 @@
 //! Counts of every kind: N by the whole record and window by window, one estimator, against the N of the generator.
 
-use super::Dice;
 use super::evidence::{Records, evidence};
+use super::{Dice, at_most};
 use rayon::prelude::*;
 use sagnac_noise::{
     AllanTerm, JudgedWindow, RecordUnit, Taus, TermValue, WindowSquares, WindowedCurve, WindowedDifferences,
@@ -82,7 +82,8 @@ fn of_record(counts: &[f64], configuration: &Configuration) -> Ends {
     let budget = budget_of_angles(counts, unit, configuration.rows_hz.recip(), &Taus::Octaves).unwrap();
     match budget.terms.get(AllanTerm::AngleRandomWalk) {
         TermValue::Found { lower: Some(lower), upper: Some(upper), .. } => Some([60.0 * lower, 60.0 * upper]),
-        _ => None,
+        TermValue::Found { .. } => None,
+        TermValue::Unresolved { unresolved } => Some([0.0, 60.0 * at_most(unresolved)]),
     }
 }
 
