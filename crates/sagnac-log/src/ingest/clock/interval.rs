@@ -92,7 +92,7 @@ impl RowClock {
         let even = self.even?;
         let interval_s = short(even.interval_ns / NS_PER_S);
         Some(if even.rows_of_stamp > 1.0 {
-            let rows = significant(even.rows_of_stamp, 3);
+            let rows = short(even.rows_of_stamp);
             format!("{rows} rows share each time stamp: they are read as one row every {interval_s} s")
         } else {
             format!("the time stamps are coarser than the rows: they are read as one row every {interval_s} s")
