@@ -1,6 +1,6 @@
 //! Which columns of a log are recognised: `Gyro X (deg/s)` is read as `rate_dps_x`, next to the other columns.
 //!
-//! A header is recognised where its words name a quantity and a unit is stated ([`crate::ingest::columns::words`]): in brackets, in a line of
+//! A header is recognised where its words name a quantity and a unit is stated (`words.rs`): in brackets, in a line of
 //! units, or as a word. A header that begins with Sagnac's own word (`temperature`, `rate`, `counts`, `time`) is read as that column always.
 //! Any other is looked for only where no column has Sagnac's own name of its quantity. Of two columns that may be the same thermometer
 //! neither is recognised; where two may be one rate, no rate is.
