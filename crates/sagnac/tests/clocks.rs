@@ -187,6 +187,25 @@ fn a_clock_that_starts_again_begins_a_run() {
     }
 }
 
+/// The same of packets: found by a log of six rows to a stamp, whose second run was taken for doubled rows.
+#[test]
+fn a_clock_of_packets_that_starts_again_begins_a_run() {
+    for seed in SEEDS {
+        let mut random = Random::new(seed);
+        let (size, of_first) = (2 + random.below(19), 10_000 + random.below(10_000));
+        let rates = rates_dph(30_000, 100.0, &mut random);
+        let stamp = |row: usize| {
+            let row = if row < of_first { row } else { row - of_first };
+            ((row / size + 1) * size) as i64 * 10_000 + 500_000
+        };
+        let bytes = log("us", rates.iter().enumerate().map(|(row, rate)| (stamp(row), *rate)));
+        assert_eq!(windows(vec![bytes.clone()], &Setup::default()).runs.len(), 2, "seed {seed}, packets of {size}");
+        let found = found(bytes);
+        found.is_right(&format!("seed {seed}, packets of {size}"));
+        assert!(found.rows() > 29_990, "seed {seed}, packets of {size}: {} rows", found.rows());
+    }
+}
+
 /// Rows in the wrong order, doubled ones, and a log written twice are counted as that.
 #[test]
 fn other_rows_that_go_back_are_counted() {

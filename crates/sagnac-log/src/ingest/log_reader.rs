@@ -194,7 +194,7 @@ impl LogReader {
             is_stream: mode == ReadMode::LineByLine,
             name: name.to_owned(),
             offset_ns: None,
-            unbroken: layout_places.map(|places| UnbrokenClock::new(nominal_ns, places)),
+            unbroken: layout_places.map(|places| UnbrokenClock::new(row_clock.stamp_step_ns(), places)),
             even: row_clock.even.map(EvenClock::new),
             assumed: assumed.into_iter().chain(row_clock.words()).collect(),
         })

@@ -93,9 +93,9 @@ pub(super) fn is_clock(values: &[f64]) -> bool {
     let steps = || values.windows(2).map(|pair| pair[1] - pair[0]);
     let Some(first) = values.first().filter(|_| values.len() > 1) else { return false };
     let longest = steps().fold(0.0, f64::max);
-    let begins_anew = values.windows(2).filter(|pair| pair[1] <= pair[0]).all(|pair| pair[1] <= first + longest);
+    let begins_again = values.windows(2).filter(|pair| pair[1] <= pair[0]).all(|pair| pair[1] <= first + longest);
     let falls = steps().filter(|step| *step <= 0.0).count();
-    begins_anew && 4 * falls < values.len()
+    begins_again && 4 * falls < values.len()
 }
 
 #[cfg(test)]
@@ -201,7 +201,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_may_begin_anew_and_a_temperature_is_none() {
+    fn a_time_may_begin_again_and_a_temperature_is_none() {
         for seed in 1..=60 {
             let mut random = Random(seed * 15_485_863);
             let step = random.between(0.001, 10.0);

@@ -28,6 +28,13 @@ pub(crate) struct EvenStamps {
     pub(crate) scatter_ns: f64,
 }
 
+impl EvenStamps {
+    /// Of rows with a stamp each.
+    pub(crate) fn of_rows(interval_ns: f64, scatter_ns: f64) -> Self {
+        Self { interval_ns, rows_of_stamp: 1.0, missing_of_first: 0.0, scatter_ns }
+    }
+}
+
 /// Gives even times to rows, piece by piece.
 #[derive(Debug)]
 pub(crate) struct EvenClock {

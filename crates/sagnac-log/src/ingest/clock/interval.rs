@@ -87,6 +87,11 @@ impl RowClock {
         Self { nominal_ns: stamps.interval_ns.round() as i64, even: Some(stamps) }
     }
 
+    /// Usual step from stamp to stamp, ns.
+    pub(crate) fn stamp_step_ns(&self) -> i64 {
+        self.even.map_or(self.nominal_ns, |even| (even.interval_ns * even.rows_of_stamp).round() as i64)
+    }
+
     /// How the stamps are read, in words, where they are not the times of their rows.
     pub(crate) fn words(&self) -> Option<String> {
         let even = self.even?;
@@ -143,9 +148,7 @@ fn read_stamps(given: Option<i64>, steps: &TimeSteps, reading: StampReading) -> 
         (Some(given_ns), StampReading::Bursts { rows, burst_ns, .. })
             if is_near(given_ns, burst_ns as f64 / rows as f64) =>
         {
-            let interval_ns = burst_ns as f64 / rows as f64;
-            let scatter_ns = burst_ns as f64;
-            Ok(RowClock::even(EvenStamps { interval_ns, rows_of_stamp: 1.0, missing_of_first: 0.0, scatter_ns }))
+            Ok(RowClock::even(EvenStamps::of_rows(burst_ns as f64 / rows as f64, burst_ns as f64)))
         }
         (Some(given_ns), _) => steps.judge(given_ns).map(|()| RowClock::own(given_ns)),
         (None, StampReading::Bursts { rows, step_ns, burst_ns }) => Err(in_bursts(rows, step_ns, burst_ns)),
@@ -210,7 +213,8 @@ fn first_times(
         for row in (0..rows.len()).filter(|row| !rows.faults[*row].has(Faults::RAGGED)) {
             let Some(time) = rows.time(row) else { continue };
             let repeats = before.replace(time) == Some(time);
-            if first.stamps.len() < rows_wanted {
+            // Of stamps that are no times no differences are taken.
+            if first.stamps.len() < rows_wanted && rows.sound_time(row).is_some() {
                 let is_same = |column: &Vec<f64>| row > 0 && column[row] == column[row - 1];
                 first.doubled += usize::from(repeats && rows.axes.iter().all(is_same));
                 first.stamps.push(time);

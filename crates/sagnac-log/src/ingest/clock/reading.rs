@@ -140,7 +140,7 @@ fn packets(groups: &[&[i64]]) -> Option<EvenStamps> {
 
 /// Bursts of equal numbers of rows.
 fn bursts(steps: &[i64], usual: &Usual) -> Option<StampReading> {
-    let pauses: Vec<usize> = (0..steps.len()).filter(|at| steps[*at] > PAUSE * usual.median_ns).collect();
+    let pauses: Vec<usize> = (0..steps.len()).filter(|at| steps[*at] > usual.median_ns.saturating_mul(PAUSE)).collect();
     let lengths = sorted(pauses.windows(2).map(|pair| (pair[1] - pair[0]) as i64));
     let rows = *lengths.get(lengths.len() / 2).filter(|rows| **rows > 1 && lengths.len() >= FEWEST)?;
     let alike = lengths.iter().filter(|length| **length == rows).count() as f64 / lengths.len() as f64;
@@ -153,7 +153,7 @@ fn bursts(steps: &[i64], usual: &Usual) -> Option<StampReading> {
 /// Stamps in whole units of the clock, as coarse as the rows: their odd steps come at even distances, those of lost rows by chance.
 fn rounded(stamps: &[i64], steps: &[i64], usual: &Usual) -> Option<StampReading> {
     let unit_ns = steps.iter().copied().filter(|step| *step > 0).min()?;
-    let is_unit = unit_ns == 10_i64.pow(unit_ns.ilog10()) && usual.median_ns <= COARSE * unit_ns;
+    let is_unit = unit_ns == 10_i64.pow(unit_ns.ilog10()) && usual.median_ns <= unit_ns.saturating_mul(COARSE);
     let blocks: Vec<&[i64]> = steps.chunks_exact(COUNTED).collect();
     if !is_unit || blocks.len() < FEWEST_COUNTED || steps.iter().any(|step| step % unit_ns != 0) {
         return None;
@@ -168,17 +168,12 @@ fn rounded(stamps: &[i64], steps: &[i64], usual: &Usual) -> Option<StampReading>
     // Rows lost in a block lengthen it.
     let spans = sorted(blocks.iter().map(|block| block.iter().sum::<i64>()));
     let roughly_ns = spans[spans.len() / 2] as f64 / COUNTED as f64;
-    let stamps_of = |interval_ns: f64| EvenStamps {
-        interval_ns,
-        rows_of_stamp: 1.0,
-        missing_of_first: 0.0,
-        scatter_ns: (HALF * interval_ns).max(0.75 * unit_ns as f64),
-    };
-    refined(stamps, roughly_ns, stamps_of)
+    refined(stamps, roughly_ns, |interval_ns| (HALF * interval_ns).max(0.75 * unit_ns as f64))
 }
 
-/// Even rows of the interval that counts the rows of these stamps, lost ones included.
-fn refined(stamps: &[i64], roughly_ns: f64, stamps_of: impl Fn(f64) -> EvenStamps) -> Option<StampReading> {
+/// Even rows of the interval that counts the rows of these stamps, lost ones included; each interval has its scatter.
+fn refined(stamps: &[i64], roughly_ns: f64, scatter_ns: impl Fn(f64) -> f64) -> Option<StampReading> {
+    let stamps_of = |interval_ns: f64| EvenStamps::of_rows(interval_ns, scatter_ns(interval_ns));
     // The last stamp may be out of order.
     let last = (1..stamps.len()).rev().find(|at| stamps[at - 1] < stamps[*at] && stamps[*at] >= stamps[at / 2])?;
     let (stamps, span_ns) = (&stamps[..=last], (stamps[last] - stamps[0]) as f64);
@@ -209,9 +204,7 @@ fn late(stamps: &[i64], steps: &[i64], usual: &Usual) -> Option<StampReading> {
     let interval_ns = straight[straight.len() / 2].slope_ns;
     let range_ns = straight.iter().map(|line| line.range_ns).fold(0.0, f64::max);
     let scatter_ns = (HALF * interval_ns).max(0.75 * range_ns);
-    let stamps_of =
-        |interval_ns: f64| EvenStamps { interval_ns, rows_of_stamp: 1.0, missing_of_first: 0.0, scatter_ns };
-    refined(stamps, interval_ns, stamps_of)
+    refined(stamps, interval_ns, |_| scatter_ns)
 }
 
 /// The line of least squares through stamps one row apart.

@@ -4,11 +4,11 @@
 //! it to the rows before. Single rows out of order stay as they are, and so does a log that repeats its own first rows.
 //! A row from later on counts as out of order itself, and not those after it.
 //!
-//! Fails at a restart less than eight rows before the end of a piece: those rows count as out of order, and the run begins after them.
+//! Fails at a restart less than eight stamps before the end of a piece: those rows count as out of order, and the run begins after them.
 
 use crate::ingest::columns::raw::{MAX_TIME, NO_TIME, RawRows};
 
-/// Rows that go on after a restart.
+/// Stamps that go on after a restart.
 const GOING_ON: usize = 8;
 /// A pause of so many intervals, or of a minute, may lie within a wrap.
 const PAUSE_ROWS: i64 = 1000;
@@ -21,6 +21,7 @@ const BETWEEN_RUNS_NS: i64 = 3_600_000_000_000;
 /// Follows the stamps of a log.
 #[derive(Debug)]
 pub(crate) struct UnbrokenClock {
+    /// Between two stamps, ns.
     interval_ns: i64,
     /// 2³² units of the time column, ns; `None` for dates.
     wrap_ns: Option<i64>,
@@ -127,16 +128,19 @@ impl UnbrokenClock {
     fn is_restart(&self, rows: &RawRows, at: usize, back_ns: i64) -> bool {
         let next = rows_from(rows, at);
         let step_ns = |pair: &[(i64, Vec<u64>)]| pair[1].0.saturating_sub(pair[0].0);
-        let goes_on = |step_ns: i64| (0..=self.interval_ns.saturating_mul(4)).contains(&step_ns);
+        let goes_on = |step_ns: i64| (1..=self.interval_ns.saturating_mul(4)).contains(&step_ns);
         back_ns > self.interval_ns.saturating_mul(GOING_ON as i64)
             && next.len() == GOING_ON
             && next.windows(2).all(|pair| goes_on(step_ns(pair)))
-            && next.iter().map(|row| row.0).max() > next.first().map(|row| row.0)
     }
 }
 
-/// Times and angles of the next sound rows.
+/// Times and angles of the next sound rows, the first of each stamp.
 fn rows_from(rows: &RawRows, at: usize) -> Vec<(i64, Vec<u64>)> {
-    let row = |at: usize| Some((rows.sound_time(at)?, rows.axes.iter().map(|column| column[at].to_bits()).collect()));
-    (at..rows.len()).filter_map(row).take(GOING_ON).collect()
+    let mut before = None;
+    let mut is_new = |stamp: i64| before.replace(stamp) != Some(stamp);
+    let stamps =
+        (at..rows.len()).filter_map(|row| Some((row, rows.sound_time(row)?))).filter(|(_, stamp)| is_new(*stamp));
+    let angles = |row: usize| rows.axes.iter().map(|column| column[row].to_bits()).collect();
+    stamps.map(|(row, stamp)| (stamp, angles(row))).take(GOING_ON).collect()
 }
