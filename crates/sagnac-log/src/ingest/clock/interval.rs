@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 
 use crate::error::{Error, Result};
 use crate::ingest::clock::even::EvenStamps;
-use crate::ingest::clock::reading::{FirstStamps, StampReading};
+use crate::ingest::clock::reading::{FirstStamps, StampReading, TimeSteps};
 use crate::ingest::columns::feed::ReadMode;
 use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::raw::{Faults, RawRows};
@@ -27,32 +27,7 @@ const LOOSE: f64 = 0.1;
 /// Smallest fraction of equal steps for which a time column counts as regular.
 const REGULAR_PART: f64 = 0.75;
 
-/// Statistics of the times of the first rows.
-struct TimeSteps {
-    /// Mean of the steps within a tenth of their median, ns: stamps are often rounded.
-    typical_ns: i64,
-    /// Mean of all steps, ns.
-    mean_ns: f64,
-    /// Number of steps, and the fraction of them within a tenth of their median.
-    number: usize,
-    regular_part: f64,
-}
-
 impl TimeSteps {
-    fn of(times: &[i64]) -> Option<Self> {
-        let mut steps: Vec<i64> =
-            times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).filter(|s| *s > 0).collect();
-        steps.sort_unstable();
-        let number = steps.len();
-        let median = *steps.get(number.checked_sub(1)? / 2)?;
-        let mean = |steps: &[i64]| steps.iter().map(|step| i128::from(*step)).sum::<i128>() as f64 / steps.len() as f64;
-        let mean_ns = mean(&steps);
-        steps.retain(|step| step.abs_diff(median) <= median.unsigned_abs() / 10);
-        let sum: i128 = steps.iter().map(|step| i128::from(*step)).sum();
-        let typical_ns = i64::try_from(sum / steps.len() as i128).ok()?;
-        Some(Self { typical_ns, mean_ns, number, regular_part: steps.len() as f64 / number as f64 })
-    }
-
     /// Checks a given interval. It is refused if the steps are regular and neither their mean nor that of all steps is within 2 %
     /// of it.
     fn judge(&self, given_ns: i64) -> Result<()> {

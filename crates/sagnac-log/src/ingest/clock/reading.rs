@@ -70,12 +70,12 @@ impl FirstStamps {
         }
         let stamps: Vec<i64> = groups.iter().map(|group| group[0]).collect();
         let steps: Vec<i64> = stamps.windows(2).map(|pair| pair[1].saturating_sub(pair[0])).collect();
-        let Some(usual) = usual(&steps) else { return StampReading::Own };
-        let is_near = |step: &f64| (0.0..=GAP * usual.mean_ns).contains(step);
+        let Some(usual) = TimeSteps::of_steps(steps.iter().copied()) else { return StampReading::Own };
+        let is_near = |step: &f64| (0.0..=GAP * usual.typical_ns as f64).contains(step);
         let near: Vec<f64> = steps.iter().map(|step| *step as f64).filter(is_near).collect();
         let gaps = steps.len() - near.len();
         let mean_ns = near.iter().sum::<f64>() / near.len().max(1) as f64;
-        let is_even = (mean_ns / usual.mean_ns - 1.0).abs() <= FEW;
+        let is_even = (mean_ns / usual.typical_ns as f64 - 1.0).abs() <= FEW;
         if is_even && (gaps as f64) < FEW * steps.len() as f64 {
             return StampReading::Own;
         }
@@ -90,36 +90,48 @@ fn sorted(values: impl Iterator<Item = i64>) -> Vec<i64> {
     values
 }
 
-/// Steps within a tenth of their median.
-struct Usual {
+/// Statistics of the times of some rows.
+pub(crate) struct TimeSteps {
     median_ns: i64,
-    mean_ns: f64,
-    /// Part of all steps.
-    part: f64,
+    /// Mean of the steps within a tenth of their median, ns: stamps are often rounded.
+    pub(crate) typical_ns: i64,
+    /// Mean of all steps forward, ns.
+    pub(crate) mean_ns: f64,
+    /// Number of steps forward, and the fraction of them within a tenth of their median.
+    pub(crate) number: usize,
+    pub(crate) regular_part: f64,
 }
 
-impl Usual {
+impl TimeSteps {
+    pub(crate) fn of(times: &[i64]) -> Option<Self> {
+        Self::of_steps(times.windows(2).map(|pair| pair[1].saturating_sub(pair[0])))
+    }
+
+    fn of_steps(steps: impl Iterator<Item = i64>) -> Option<Self> {
+        let mut steps = sorted(steps.filter(|step| *step > 0));
+        let number = steps.len();
+        let median_ns = *steps.get(number.checked_sub(1)? / 2)?;
+        let sum = |steps: &[i64]| steps.iter().map(|step| i128::from(*step)).sum::<i128>();
+        let mean_ns = sum(&steps) as f64 / number as f64;
+        steps.retain(|step| is_usual(*step, median_ns));
+        let typical_ns = i64::try_from(sum(&steps) / steps.len() as i128).ok()?;
+        Some(Self { median_ns, typical_ns, mean_ns, number, regular_part: steps.len() as f64 / number as f64 })
+    }
+
+    /// A step within a tenth of the median.
     fn has(&self, step_ns: i64) -> bool {
-        step_ns.abs_diff(self.median_ns) <= self.median_ns.unsigned_abs() / USUAL
+        is_usual(step_ns, self.median_ns)
     }
 }
 
-fn usual(steps: &[i64]) -> Option<Usual> {
-    let rising = sorted(steps.iter().copied().filter(|step| *step > 0));
-    let median_ns = *rising.get(rising.len().checked_sub(1)? / 2)?;
-    let usual = Usual { median_ns, mean_ns: 0.0, part: 0.0 };
-    let near: Vec<f64> = rising.iter().filter(|step| usual.has(**step)).map(|step| *step as f64).collect();
-    Some(Usual {
-        mean_ns: near.iter().sum::<f64>() / near.len() as f64,
-        part: near.len() as f64 / steps.len() as f64,
-        ..usual
-    })
+fn is_usual(step_ns: i64, median_ns: i64) -> bool {
+    step_ns.abs_diff(median_ns) <= median_ns.unsigned_abs() / USUAL
 }
 
 /// Packets of rows, by their groups; the first and the last may be cut.
 fn packets(groups: &[&[i64]]) -> Option<EvenStamps> {
     let steps: Vec<i64> = groups.windows(2).map(|pair| pair[1][0].saturating_sub(pair[0][0])).collect();
-    let usual = usual(&steps).filter(|usual| usual.part >= HALF)?;
+    let usual = TimeSteps::of_steps(steps.iter().copied()).filter(|usual| usual.regular_part >= HALF)?;
     // Whole groups: those before a usual step.
     let whole: Vec<f64> =
         (1..steps.len()).filter(|at| usual.has(steps[*at])).map(|at| groups[at].len() as f64).collect();
@@ -131,7 +143,7 @@ fn packets(groups: &[&[i64]]) -> Option<EvenStamps> {
     }
     let mean = whole.iter().sum::<f64>() / whole.len() as f64;
     let rows_of_stamp = if part(&|size| size == middle) >= MOST { middle } else { mean };
-    let interval_ns = usual.mean_ns / rows_of_stamp;
+    let interval_ns = usual.typical_ns as f64 / rows_of_stamp;
     let away = sorted(steps.iter().filter(|step| usual.has(**step)).map(|step| (*step - usual.median_ns).abs()));
     let scatter_ns = (0.75 * interval_ns).max(GAP * away[away.len() * 9 / 10] as f64);
     let missing_of_first = (rows_of_stamp - groups[0].len() as f64).max(0.0).round();
@@ -139,19 +151,19 @@ fn packets(groups: &[&[i64]]) -> Option<EvenStamps> {
 }
 
 /// Bursts of equal numbers of rows.
-fn bursts(steps: &[i64], usual: &Usual) -> Option<StampReading> {
+fn bursts(steps: &[i64], usual: &TimeSteps) -> Option<StampReading> {
     let pauses: Vec<usize> = (0..steps.len()).filter(|at| steps[*at] > usual.median_ns.saturating_mul(PAUSE)).collect();
     let lengths = sorted(pauses.windows(2).map(|pair| (pair[1] - pair[0]) as i64));
     let rows = *lengths.get(lengths.len() / 2).filter(|rows| **rows > 1 && lengths.len() >= FEWEST)?;
     let alike = lengths.iter().filter(|length| **length == rows).count() as f64 / lengths.len() as f64;
     let periods: Vec<i64> = pauses.windows(2).map(|pair| steps[pair[0]..pair[1]].iter().sum()).collect();
-    let period = self::usual(&periods).filter(|period| period.part >= MOST && alike >= MOST)?;
-    let (step_ns, burst_ns) = (usual.mean_ns.round() as i64, period.mean_ns.round() as i64);
+    let period = TimeSteps::of_steps(periods.into_iter()).filter(|of| of.regular_part >= MOST && alike >= MOST)?;
+    let (step_ns, burst_ns) = (usual.typical_ns, period.typical_ns);
     Some(StampReading::Bursts { rows: rows as usize, step_ns, burst_ns })
 }
 
 /// Stamps in whole units of the clock, as coarse as the rows: their odd steps come at even distances, those of lost rows by chance.
-fn rounded(stamps: &[i64], steps: &[i64], usual: &Usual) -> Option<StampReading> {
+fn rounded(stamps: &[i64], steps: &[i64], usual: &TimeSteps) -> Option<StampReading> {
     let unit_ns = steps.iter().copied().filter(|step| *step > 0).min()?;
     let is_unit = unit_ns == 10_i64.pow(unit_ns.ilog10()) && usual.median_ns <= unit_ns.saturating_mul(COARSE);
     let blocks: Vec<&[i64]> = steps.chunks_exact(COUNTED).collect();
@@ -185,11 +197,11 @@ fn refined(stamps: &[i64], roughly_ns: f64, scatter_ns: impl Fn(f64) -> f64) -> 
 }
 
 /// Even rows whose stamps are late by up to a row.
-fn late(stamps: &[i64], steps: &[i64], usual: &Usual) -> Option<StampReading> {
+fn late(stamps: &[i64], steps: &[i64], usual: &TimeSteps) -> Option<StampReading> {
     // Where rows are lost, steps are multiples.
     let is_multiple = |step: i64| {
-        let rows = (step as f64 / usual.mean_ns).round();
-        rows > 1.0 && (step as f64 - rows * usual.mean_ns).abs() <= usual.mean_ns / USUAL as f64
+        let rows = (step as f64 / usual.typical_ns as f64).round();
+        rows > 1.0 && (step as f64 - rows * usual.typical_ns as f64).abs() <= usual.typical_ns as f64 / USUAL as f64
     };
     let odd = || steps.iter().filter(|step| **step > 0 && !usual.has(**step));
     if odd().filter(|step| is_multiple(**step)).count() as f64 > HALF * odd().count() as f64 {
