@@ -127,6 +127,7 @@ fn resolved(ends: &[Ends]) -> f64 {
 #[test]
 fn n_of_counts_is_that_of_the_gyro() {
     const RECORDS: Records = Records::new(100).few(6);
+    const POOLED: Records = Records::new(2400).few(144);
     let (mut pooled, mut lowest, mut least_resolved, mut floors) = ([0.0; 2], [1.0_f64; 2], [1.0_f64; 2], Vec::new());
     let all = Configuration::all();
     for (number, configuration) in all.iter().enumerate() {
@@ -152,9 +153,12 @@ fn n_of_counts_is_that_of_the_gyro() {
     }
     for (way, name) in ["a record", "windows"].into_iter().enumerate() {
         let claim = |what: &str| format!("N of counts, 24 configurations, by {name}: {what}");
-        evidence(&claim("covered by its 95 % interval"), pooled[way], "0.93 … 0.98", RECORDS);
-        evidence(&claim("covered in the worst"), lowest[way], "≥ 0.87", RECORDS);
-        evidence(&claim("resolved in the worst of 500 crossings or more"), least_resolved[way], "≥ 0.90", RECORDS);
+        evidence(&claim("covered by its 95 % interval"), pooled[way], "0.93 … 0.98", POOLED);
+        // So few records of one configuration show nothing.
+        if crate::IS_STUDY {
+            evidence(&claim("covered in the worst"), lowest[way], "≥ 0.87", RECORDS);
+            evidence(&claim("resolved in the worst of 500 crossings or more"), least_resolved[way], "≥ 0.90", RECORDS);
+        }
     }
     let [least, most] = [floors.iter().copied().fold(2.0, f64::min), floors.iter().copied().fold(0.0, f64::max)];
     println!("mean floor of a window over the truth: {least:.3} … {most:.3}");
