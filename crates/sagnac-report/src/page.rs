@@ -16,7 +16,7 @@ use sagnac::notes::{Note, NoteAbout, NoteLevel};
 use sagnac::verify::{AxisVerification, Correction, DriftValues, Judged, REPEATED_PROFILE, ScaleValues, Verification};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Tally, hex, sha256};
-use sagnac_units::format::{celsius, plain, printable, printable_json, significant, times_text, with_sigma};
+use sagnac_units::format::{celsius, counted, plain, printable, printable_json, significant, times_text, with_sigma};
 
 /// Scripts and styles of the page. uPlot 1.6.32 is under the MIT licence, which is in the same folder.
 /// uPlot, which draws the figures that move.
@@ -40,7 +40,7 @@ pub fn calibration_report(calibration: &Calibration, report_data: &ReportData, u
     let several = calibration.axes.len() > 1;
     let body = html! {
         h1 { "Thermal calibration" @if calibration.serial != UNASSIGNED { " of " (calibration.serial) } }
-        p.sub { (subtitle(calibration)) }
+        p.sub { (subtitle(calibration, report_data.runs.len())) }
         p.note {
             "Figures on unseen data come from windows that the fit did not use. Verify the correction on another test: " code { "sagnac verify" }
             " runs it through the image that you will ship."
@@ -290,18 +290,13 @@ fn both_sides(
     all.into_iter().flatten().collect()
 }
 
-fn subtitle(calibration: &Calibration) -> String {
+fn subtitle(calibration: &Calibration, runs: usize) -> String {
     let unit = match calibration.unit {
         LogUnit::Counts { arcsec_per_count, .. } => format!("counts of {} arcsec", plain(arcsec_per_count)),
         LogUnit::Rates { .. } => "rates".to_owned(),
     };
     let sensor = calibration.setup.sensor.as_deref().map_or(String::new(), |sensor| format!("{sensor}; "));
-    let runs = calibration.provenance.inputs.len();
-    format!(
-        "{sensor}{runs} run{} of {unit}, windows of {} s",
-        if runs == 1 { "" } else { "s" },
-        plain(calibration.window_s)
-    )
+    format!("{sensor}{} of {unit}, windows of {} s", counted(runs, "run", "runs"), plain(calibration.window_s))
 }
 
 fn tile(name: &str, number: &str, unit: &str) -> Markup {

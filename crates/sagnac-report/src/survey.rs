@@ -13,8 +13,10 @@ use sagnac_units::s_from_ns;
 /// # Errors
 /// Figures that cannot be written as JSON.
 pub fn survey_report(survey: &Survey, windows: &Windows) -> Result<Report> {
-    let files: Vec<String> =
+    let mut files: Vec<String> =
         windows.runs.iter().flat_map(|run| &run.files).map(|file| file_name(&file.summary.file)).collect();
+    // A file whose clock starts again has several runs.
+    files.dedup();
     let because = survey.reason.as_ref().map_or(String::new(), |why| format!(": {why}"));
     let mut page = ChartPage {
         title: "Use of this log".to_owned(),
