@@ -3,6 +3,7 @@
 use crate::support::records::Random;
 use crate::support::{reader, windows};
 use sagnac::allan::{NoiseBudget, Request, noise_budget};
+use sagnac::window::WindowBuilder;
 use sagnac_log::error::Error;
 use sagnac_log::ingest::{LogReader, ReadMode, Reason};
 use sagnac_log::setup::Setup;
@@ -39,9 +40,12 @@ struct Found {
 }
 
 fn found(log: Vec<u8>) -> Found {
-    let setup = Setup::default();
-    let of_windows = windows(vec![log.clone()], &setup).measured_noise(0).unwrap().terms.n_deg_rt_h();
-    let budget = budget(log, &setup);
+    found_with(log, &Setup::default())
+}
+
+fn found_with(log: Vec<u8>, setup: &Setup) -> Found {
+    let of_windows = windows(vec![log.clone()], setup).measured_noise(0).unwrap().terms.n_deg_rt_h();
+    let budget = budget(log, setup);
     let TermValue::Found { value, .. } = budget.axes[0].terms.n_deg_rt_h else {
         panic!("{:?}", budget.axes[0].terms.n_deg_rt_h)
     };
@@ -256,5 +260,25 @@ fn bursts_are_refused_with_both_readings() {
             let longest_s = budget(bytes.clone(), &setup).axes[0].longest_s;
             assert!(longest_s >= f64::from(rows) * interval_s, "seed {seed}: {longest_s} s at {interval_s} s");
         }
+    }
+}
+
+/// Rows without times at a given interval make the windows of the same rows with times; without an interval there is a bound.
+#[test]
+fn rows_at_an_even_interval_need_no_times() {
+    for seed in SEEDS {
+        let mut random = Random::new(seed);
+        let rows_hz = [10.0, 50.0, 200.0][random.below(3)];
+        let rates = rates_dph(30_000, rows_hz, &mut random);
+        let step_us = (1e6 / rows_hz) as i64;
+        let timed = log("us", rates.iter().enumerate().map(|(row, rate)| (step_us * (row as i64 + 1), *rate)));
+        let mut untimed = "temperature_c,rate_dph\n".to_owned();
+        rates.iter().for_each(|rate| writeln!(untimed, "25.0,{rate:.2}").unwrap());
+        let even = Setup { sample_interval_s: Some(rows_hz.recip()), ..Setup::default() };
+        let made = windows(vec![untimed.clone().into_bytes()], &even);
+        assert_eq!(made.rows.angle, windows(vec![timed], &Setup::default()).rows.angle, "seed {seed}");
+        found_with(untimed.clone().into_bytes(), &even).is_right(&format!("seed {seed}, {rows_hz} Hz"));
+        let error = WindowBuilder::read_all(vec![reader(untimed.into_bytes(), &Setup::default())], &Setup::default());
+        assert!(error.is_err_and(|error| error.help.contains("--sample-interval")), "seed {seed}");
     }
 }

@@ -154,7 +154,7 @@ impl LogReader {
             thermometers: layout.temperatures.iter().map(|(_, name, _)| name.clone()).collect(),
             aux: layout.aux.iter().map(|(_, name)| name.clone()).collect(),
             unit,
-            timed: layout.time.is_some(),
+            timed: layout.time.is_some() || setup.has_even_rows(),
             nominal_ns,
             has_reference: layout.reference.is_some(),
             ignored: layout.ignored.clone(),

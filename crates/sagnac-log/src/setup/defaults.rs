@@ -57,6 +57,13 @@ impl Setup {
         self.counter.unwrap_or_default()
     }
 
+    /// Rows without times follow one another: their interval is given, and many make a window. A row as long as a window may be of
+    /// any time.
+    pub(crate) fn has_even_rows(&self) -> bool {
+        let window_s = self.window().seconds();
+        self.sample_interval_s.zip(window_s).is_some_and(|(interval_s, window_s)| interval_s < window_s)
+    }
+
     /// Length of a window; 100 s by default.
     pub fn window(&self) -> WindowSize {
         self.window.unwrap_or(WindowSize::DEFAULT)

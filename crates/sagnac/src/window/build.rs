@@ -24,6 +24,8 @@ const AXIS_BYTES: usize = 48;
 const OCTAVE_BYTES: usize = 16;
 /// Bytes of a thermometer or auxiliary column in a window: mean, variance, least, largest.
 const COLUMN_BYTES: usize = 32;
+/// Windows of a log whose rows have neither time nor interval, one for each row.
+const MOST_UNTIMED_WINDOWS: usize = 20_000;
 /// A column that grows has up to this many times the length that it needs.
 const GROWTH: usize = 2;
 
@@ -232,6 +234,11 @@ impl WindowBuilder {
             let kept: usize = self.runs.iter().flat_map(|run| &run.tracks).map(Vec::len).sum();
             let grid = Grid::new(self.tick_ns, self.shape.period_ns, self.tracks, kept, self.memory);
             run.tracks.sample(batch, &self.log, grid)?;
+        }
+        if !self.shape.timed && self.rows.run.len() > MOST_UNTIMED_WINDOWS {
+            let what = format!("over {MOST_UNTIMED_WINDOWS} rows have no time, and the row interval is not given");
+            return Err(Error::input(what, "give --sample-interval SECONDS: rows are then summed into windows")
+                .column("sample_interval_s"));
         }
         let columns = self.log.thermometers.len() + self.log.aux.len();
         let octaves: usize = self.differences.iter().map(WindowedDifferences::octaves).sum();

@@ -39,7 +39,7 @@ pub struct LogShape {
     pub aux: Vec<String>,
     /// Unit of `Batch::angle`.
     pub unit: AngleUnit,
-    /// False for a table without time: intervals are then nominal.
+    /// False for a table without times whose rows are no record at even intervals: each may be of any time.
     pub timed: bool,
     /// Nominal interval of a row, ns.
     pub nominal_ns: i64,
