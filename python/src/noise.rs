@@ -39,7 +39,7 @@ pub(crate) fn allan(
     away(py, move |stop| {
         let setup = settings::setup(Setup::default(), setup.0.as_deref(), &setup.1)?;
         let logs = sources.logs(&setup, ReadMode::Bulk, stop)?;
-        let budget = noise_budget(logs, None, &setup, &Request { taus, exact })?;
+        let budget = noise_budget(logs, None, &setup, &Request { exact, ..Request::new(taus) })?;
         Ok(NoiseBudget { budget, units: setup.units.unwrap_or_default() })
     })
 }

@@ -56,4 +56,4 @@ pub use recorder::{HELD_PHASES, MOST_ROWS, Recorded, Recorder};
 pub use screen::{Disturbed, MOST_DISTURBED_PART, MOST_LOST_PART, RowPlace, Screen, Screened};
 pub use taus::{MOST_TAUS, TauError, Taus};
 pub use term_value::{CONFIDENCE, MeasuredNoise, NoiseTerms, TermValue, Terms};
-pub use windowed::{FILLED, JudgedWindow, WindowSquares, WindowedCurve, WindowedDifferences};
+pub use windowed::{FILLED, Hump, JudgedWindow, WindowSquares, WindowedCurve, WindowedDifferences};

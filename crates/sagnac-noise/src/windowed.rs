@@ -27,6 +27,10 @@ const WITHIN: f64 = 0.25;
 const MOST_OCTAVES: usize = 40;
 /// Points with fewer equivalent degrees of freedom are not used.
 const MIN_EDF: f64 = 8.0;
+/// A hump is this many times above noise, in deviation.
+const HUMP: f64 = 10.0;
+/// And this many times above a shorter τ.
+const RISE: f64 = 3.0;
 /// Most lost rows in a row that are filled.
 pub const FILLED: u64 = 8;
 /// Phases that are passed on together.
@@ -62,6 +66,15 @@ pub struct JudgedWindow<'a> {
     pub follows: bool,
     /// It counts.
     pub is_used: bool,
+}
+
+/// A place of a curve that no noise explains.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hump {
+    /// τ of its top, s.
+    pub tau_s: f64,
+    /// Deviation there over the largest that the laws of noise allow.
+    pub times: f64,
 }
 
 /// Octaves without excluded windows, and the stretches behind them.
@@ -110,14 +123,37 @@ impl WindowedCurve {
 
     /// σ² in (°/h)² with enough degrees of freedom; the longest τ last.
     fn points(&self) -> Vec<RawPoint> {
+        self.all_points().take_while(|point| point.edf >= MIN_EDF).collect()
+    }
+
+    /// The same at every τ that the record shows.
+    fn all_points(&self) -> impl Iterator<Item = RawPoint> {
         let (phases, longest) = (self.stretches.phases(), self.stretches.longest() / LONGEST_PART);
-        let point = |(octave, sum): (usize, &SquareSum)| {
+        let point = move |(octave, sum): (usize, &SquareSum)| {
             let m = Some(2.0_f64.powi(octave as i32)).filter(|m| *m <= longest as f64)?;
             let variance = sum.variance(Deviation::Allan, m * self.tau0_s).filter(|variance| *variance > 0.0)?;
             let variance = variance / self.stretches.white_factor(Deviation::Allan, m);
             Some(RawPoint { m, variance, edf: edf_white_fm(phases, m), uncertain: 0.0 })
         };
-        self.octaves.iter().enumerate().filter_map(point).take_while(|point| point.edf >= MIN_EDF).collect()
+        self.octaves.iter().enumerate().filter_map(point)
+    }
+
+    /// Where the curve rises to a place far above all that N, B and K allow of every other τ: motion, or a strong line. White noise
+    /// behind a filter rises, too, but N explains its fall; rounding falls faster, but from the shortest τ on.
+    pub fn hump(&self) -> Option<Hump> {
+        let points: Vec<RawPoint> = self.all_points().collect();
+        let least = |of: &mut dyn Iterator<Item = f64>| of.reduce(f64::min);
+        let over = |at: usize| {
+            let RawPoint { m, variance, .. } = points[at];
+            let before = least(&mut points[..at].iter().map(|point| point.variance))?;
+            let n = least(&mut points.iter().map(|point| point.variance * point.m / m))?;
+            let b = least(&mut points.iter().map(|point| point.variance))?;
+            let k = least(&mut points.iter().map(|point| point.variance * m / point.m))?;
+            let hump = Hump { tau_s: m * self.tau0_s, times: (variance / (n + b + k)).sqrt() };
+            (variance >= RISE * RISE * before).then_some(hump)
+        };
+        let highest = (0..points.len()).filter_map(over).max_by(|a, b| a.times.total_cmp(&b.times))?;
+        (highest.times >= HUMP).then_some(highest)
     }
 
     /// N and Q; `None` from fewer than two usable τ, without any noise, or where a filter leaves no τ at which the laws hold.

@@ -93,6 +93,7 @@ fn notes(budget: &NoiseBudget, units: RateUnit) -> Vec<String> {
             "The drift over temperature was removed first: at long τ these curves lie lower than the log's own.".into(),
         );
     }
+    out.extend(budget.at_rest.iter().map(|span| format!("The longest rest alone: {span}.")));
     for axis in &budget.axes {
         if axis.rows > 0 {
             let stretches = match axis.stretches {

@@ -34,7 +34,7 @@ pub fn calibrate<P: AsRef<Path>>(
 /// # Errors
 /// A log that cannot be read, or without a usable row.
 pub fn allan(bench: &Setup, log: impl AsRef<Path>) -> Result<NoiseBudget> {
-    let request = Request { taus: Taus::LogSpaced, exact: false };
+    let request = Request::new(Taus::LogSpaced);
     noise_budget(open([log], bench), None, bench, &request)
 }
 

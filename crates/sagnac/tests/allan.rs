@@ -49,7 +49,7 @@ fn nbs14_thousand_points() {
 
 fn budget_of(csv: &str, setup: &Setup, taus: Taus, exact: bool) -> AxisBudget {
     let log = reader(csv.as_bytes().to_vec(), setup);
-    noise_budget(vec![log], None, setup, &Request { taus, exact }).unwrap().axes.remove(0)
+    noise_budget(vec![log], None, setup, &Request { exact, ..Request::new(taus) }).unwrap().axes.remove(0)
 }
 
 fn points(budget: &AxisBudget) -> Vec<(f64, f64)> {
@@ -109,11 +109,12 @@ fn a_ramp_is_a_ramp() {
 fn a_temperature_ramp_is_reported_and_removed() {
     let setup = paper_setup();
     let log = || reader(csv_bytes(PaperRig::PAPER.run(1)), &setup);
-    let request = Request { taus: Taus::Octaves, exact: false };
+    let request = Request::new(Taus::Octaves);
     let raw = noise_budget(vec![log()], None, &setup, &request).unwrap();
     assert!(raw.warnings[0].contains("the temperature moved by 17.9 °C") && !raw.detrended, "{:?}", raw.warnings);
     let long = |budget: &AxisBudget| budget.curve.last().unwrap().adev_dph;
-    let flat = noise_budget(vec![log()], Some(vec![log()].into()), &setup, &request).unwrap();
+    let flat =
+        noise_budget(vec![log()], Some(vec![log()].into()), &setup, &Request { detrend: true, ..request }).unwrap();
     assert!(flat.warnings.is_empty() && flat.detrended, "{:?}", flat.warnings);
     // White noise of N = 0.18 arcsec/√s at 4096 s is 0.0028 °/h.
     assert!(long(&raw.axes[0]) > 0.05 && long(&flat.axes[0]) < 0.004, "{} {}", long(&raw.axes[0]), long(&flat.axes[0]));
@@ -132,7 +133,7 @@ fn ln100_falls_with_the_slope_of_quantization() {
     let setup = bench("rlg-ln100-static/bench.toml");
     let budget = |setup: &Setup, taus: Taus| {
         let log = sagnac_log::ingest::LogReader::open(&path, setup, sagnac_log::ingest::ReadMode::Bulk).unwrap();
-        noise_budget(vec![log], None, setup, &Request { taus, exact: false }).unwrap()
+        noise_budget(vec![log], None, setup, &Request::new(taus)).unwrap()
     };
     // The README's values assume evenly spaced rows; the stamps jitter by 1 %.
     let mut even = Setup { sample_interval_s: Some(0.015_608_7), ..setup.clone() };
@@ -228,7 +229,7 @@ fn a_standing_vehicle_has_deviations_and_no_random_walk() {
     let setup = Setup { arcsec_per_count: Some(0.1), ..Setup::default() };
     let log = sagnac_log::ingest::LogReader::open(&path, &setup, sagnac_log::ingest::ReadMode::Bulk).unwrap();
     let taus = Taus::Given(PSINS[0].1.map(|(m, ..)| m as f64 * 0.01).to_vec());
-    let read = noise_budget(vec![log], None, &setup, &Request { taus, exact: true }).unwrap();
+    let read = noise_budget(vec![log], None, &setup, &Request { exact: true, ..Request::new(taus) }).unwrap();
     for (at, ((letter, wanted), budget)) in PSINS.iter().zip(&read.axes).enumerate() {
         let rates = column(at + 1);
         assert_eq!(rates.len(), 184_718);
@@ -371,7 +372,7 @@ fn the_scatter_of_a_curve_is_a_rare_warning() {
     let warnings_of = |rates: &[f64]| {
         let rows = rates.iter().enumerate().map(|(i, rate)| format!("{},{rate}\n", i + 1));
         let log = reader(format!("time_s,rate_dph\n{}", rows.collect::<String>()).into_bytes(), &Setup::default());
-        let request = Request { taus: Taus::LogSpaced, exact: false };
+        let request = Request::new(Taus::LogSpaced);
         noise_budget(vec![log], None, &Setup::default(), &request).unwrap().warnings
     };
     let of_curve = |rates: &[f64]| {

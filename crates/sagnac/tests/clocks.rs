@@ -29,7 +29,7 @@ fn log(unit: &str, rows: impl Iterator<Item = (i64, f64)>) -> Vec<u8> {
 }
 
 fn budget(log: Vec<u8>, setup: &Setup) -> NoiseBudget {
-    noise_budget(vec![reader(log, setup)], None, setup, &Request { taus: Taus::Octaves, exact: false }).unwrap()
+    noise_budget(vec![reader(log, setup)], None, setup, &Request::new(Taus::Octaves)).unwrap()
 }
 
 /// N by the whole record, and by the windows, over the truth; rows excluded.

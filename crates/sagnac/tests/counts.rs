@@ -97,7 +97,7 @@ fn many_disturbed_rows_stay() {
 #[test]
 fn rates_without_a_time_are_refused() {
     let log = || reader(b"rate_dph,temperature_c\n1,20\n2,20\n1,20\n".to_vec(), &Setup::default());
-    let request = Request { taus: Taus::Octaves, exact: false };
+    let request = Request::new(Taus::Octaves);
     let error = noise_budget(vec![log()], None, &Setup::default(), &request).unwrap_err();
     assert!(error.what.contains("no time column") && error.help.contains("--sample-interval"));
     let given = Setup { sample_interval_s: Some(2.0), ..Setup::default() };
@@ -118,7 +118,7 @@ fn room_c(row: usize) -> f64 {
 fn the_drift_of_a_room_is_removed() {
     let day = Gyro { rows: 17_280, ..TWELVE_HOURS };
     let setup = setup(&day, Counter::Incremental);
-    let request = Request { taus: Taus::Octaves, exact: false };
+    let request = Request::new(Taus::Octaves);
     let (mut n, mut seen, mut after) = (Vec::new(), Vec::new(), Vec::new());
     for seed in 0..5 {
         let mut random = Random::new(3000 + seed);
@@ -128,7 +128,9 @@ fn the_drift_of_a_room_is_removed() {
         let values = steps(&day.totals(&angles));
         let log = || reader(log_with_temperature(&day, &values, |row| (16.0 * room_c(row)).round() / 16.0), &setup);
         let raw = noise_budget(vec![log()], None, &setup, &request).unwrap().axes.remove(0);
-        let flat = noise_budget(vec![log()], Some(vec![log()].into()), &setup, &request).unwrap();
+        let flat =
+            noise_budget(vec![log()], Some(vec![log()].into()), &setup, &Request { detrend: true, ..request.clone() })
+                .unwrap();
         assert!(flat.detrended);
         let flat = &flat.axes[0];
         n.push(value(&flat.terms.n_deg_rt_h) / value(&quiet.terms.n_deg_rt_h));

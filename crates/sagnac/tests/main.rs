@@ -29,6 +29,7 @@ mod rate_table;
 mod real_chamber;
 mod recordings;
 mod replay;
+mod rest;
 mod selection;
 mod simulated_chamber;
 mod support;

@@ -122,7 +122,7 @@ fn the_noise_of_a_turned_record_carries_a_warning() {
     use sagnac_noise::Taus;
     let warned = |rig: &RateTable| {
         let log = support::reader(rig.csv(1, true), &setup());
-        let said = noise_budget(vec![log], None, &setup(), &Request { taus: Taus::Octaves, exact: false }).unwrap();
+        let said = noise_budget(vec![log], None, &setup(), &Request::new(Taus::Octaves)).unwrap();
         said.warnings.iter().any(|warning| warning.contains("a table turned in this record, from -10.00 to 10.00 °/s"))
     };
     let still = RateTable { rates_dps: vec![0.0], plateaus_c: vec![25.0], ..RateTable::domain_notes() };

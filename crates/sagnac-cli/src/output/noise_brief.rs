@@ -27,6 +27,7 @@ pub(crate) fn noise_brief(budget: &NoiseBudget, notes: &[(char, String)], wrote:
     let of_axes = budget.axes.iter().map(|axis| row(axis, &shown, units));
     let rows: Vec<Vec<String>> = [titles].into_iter().chain(of_axes).collect();
     let warnings = budget.warnings.iter().map(Remark::warning);
+    let at_rest = budget.at_rest.iter().map(|span| Remark::note(format!("the longest rest alone: {span}")));
     let of_rows = notes.iter().map(|(axis, text)| Remark { axes: vec![*axis], ..Remark::note(text) });
     let unresolved = budget.axes.iter().flat_map(|axis| {
         let letters = SHOWN.iter().filter(|(term, _)| matches!(axis.terms.get(*term), TermValue::Unresolved { .. }));
@@ -41,7 +42,7 @@ pub(crate) fn noise_brief(budget: &NoiseBudget, notes: &[(char, String)], wrote:
         tone: Tone::Plain,
         verdict: verdict(budget),
         body: lines_of(&rows),
-        remarks: warnings.chain(of_rows).chain(unresolved).collect(),
+        remarks: warnings.chain(at_rest).chain(of_rows).chain(unresolved).collect(),
         last: wrote.into_iter().chain(["details: -v, intervals and curve: --report noise.html".to_owned()]).collect(),
     }
 }

@@ -48,6 +48,9 @@ pub(crate) struct Args {
     /// Remove the drift with temperature first
     #[arg(long, value_enum)]
     detrend: Option<Detrend>,
+    /// Use the longest part of the record without motion, and name it
+    #[arg(long)]
+    at_rest: bool,
     /// Length of the record behind a bare curve, s: gives it intervals
     #[arg(long, value_name = "S")]
     duration: Option<f64>,
@@ -119,9 +122,9 @@ fn is_curve_file(path: &Path) -> Result<bool> {
 }
 
 fn of_curve(path: &Path, args: &Args) -> Result<NoiseBudget> {
-    if args.taus != "log" || args.exact || args.detrend.is_some() {
+    if args.taus != "log" || args.exact || args.detrend.is_some() || args.at_rest {
         return Err(Error::input(
-            "--taus, --exact and --detrend need a log, and this is a bare curve",
+            "--taus, --exact, --detrend and --at-rest need a log, and this is a bare curve",
             "remove these flags, or give the log",
         )
         .file(path.display().to_string()));
@@ -148,20 +151,21 @@ fn of_logs(args: &Args) -> Result<NoiseBudget> {
         }
     }
     let setup = args.setup.over(Setup::default())?;
-    let request = Request { taus: taus(&args.taus)?, exact: args.exact };
-    let again = match args.detrend {
-        Some(Detrend::Temperature) => {
-            if let Some(pipe) = args.logs.iter().find(|path| !path.is_file()) {
-                return Err(Error::input(
-                    "--detrend reads the log twice, which a pipe does not allow",
-                    "save the pipe to a file, and give that",
-                )
-                .file(pipe.display().to_string()));
-            }
-            Some(loading::logs(&args.logs, &setup, "reading")?)
-        }
-        None => None,
+    let request = Request {
+        exact: args.exact,
+        detrend: matches!(args.detrend, Some(Detrend::Temperature)),
+        at_rest: args.at_rest,
+        ..Request::new(taus(&args.taus)?)
     };
+    let reads_twice = request.detrend || request.at_rest;
+    if let Some(pipe) = args.logs.iter().find(|path| reads_twice && !path.is_file()) {
+        return Err(Error::input(
+            "--detrend and --at-rest read the log twice, which a pipe does not allow",
+            "save the pipe to a file, and give that",
+        )
+        .file(pipe.display().to_string()));
+    }
+    let again = reads_twice.then(|| loading::logs(&args.logs, &setup, "reading")).transpose()?;
     noise_budget(loading::logs(&args.logs, &setup, "reading")?, again, &setup, &request)
 }
 

@@ -163,6 +163,7 @@ pub fn budget_of_curves(curves: &[BareCurve], record_s: Option<f64>, input: LogF
         warnings: axes.iter().filter_map(misfit_text).collect(),
         axes,
         detrended: false,
+        at_rest: None,
         excluded: Vec::new(),
         inputs: vec![input],
         program: program(),

@@ -6,9 +6,9 @@
 //! removed first: the curve that `calibrate` fits over temperature and its rate, interpolated between the middles of windows.
 
 use crate::fit::{FitOptions, Model, calibrate_with_report_data};
-use crate::window::{WindowBuilder, Windows};
+use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
-use sagnac_log::ingest::{Batch, Logs};
+use sagnac_log::ingest::Batch;
 use sagnac_log::setup::Setup;
 use sagnac_units::format::significant;
 use sagnac_units::{NS_PER_S, s_from_ns};
@@ -113,13 +113,12 @@ pub(crate) struct RampDrift {
 }
 
 impl RampDrift {
-    /// Fits each run's drift over temperature from the same logs, read once more.
+    /// Fits each run's drift over temperature.
     ///
     /// # Errors
-    /// What reading and fitting say: a record without a temperature, or with too little of a span.
-    pub(crate) fn of(mut logs: Logs<'_>, setup: &Setup) -> Result<Vec<Self>> {
-        let axes = logs.shape()?.axes;
-        let windows = WindowBuilder::read_all(logs, setup)?.finish();
+    /// What fitting says: a record without a temperature, or with too little of a span.
+    pub(crate) fn of(windows: Windows, setup: &Setup) -> Result<Vec<Self>> {
+        let axes = windows.shape.axes.clone();
         let setup = &for_a_room(setup, &windows);
         let rows = windows.rows.clone();
         let runs = windows.runs.len();

@@ -16,6 +16,7 @@ use serde::Serialize;
 use crate::allan::ramp::{RampDrift, RampWatch};
 use crate::calibration::{LogFile, program};
 use crate::rate_table::input::SAME_RATE;
+use crate::window::{RestSpan, WindowBuilder, Windows};
 
 /// What is asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -24,6 +25,17 @@ pub struct Request {
     pub taus: Taus,
     /// Hold every phase (8 bytes each), so that every τ overlaps fully however long the record is.
     pub exact: bool,
+    /// Remove the drift over temperature first; the logs are read twice.
+    pub detrend: bool,
+    /// Use the longest rest alone; the logs are read twice.
+    pub at_rest: bool,
+}
+
+impl Request {
+    /// These τ, of the record as it is.
+    pub fn new(taus: Taus) -> Self {
+        Self { taus, exact: false, detrend: false, at_rest: false }
+    }
 }
 
 /// The noise of a record.
@@ -36,6 +48,8 @@ pub struct NoiseBudget {
     pub warnings: Vec<String>,
     /// The drift over temperature was removed first.
     pub detrended: bool,
+    /// The part of the record that was used, where the longest rest was asked for.
+    pub at_rest: Option<RestSpan>,
     /// What was not used.
     pub excluded: Vec<Tally>,
     /// The logs.
@@ -49,7 +63,7 @@ const EXACT_ROW_BYTES: usize = 32;
 
 /// Reads logs, each as one or more unbroken stretches, into a noise budget.
 ///
-/// With `again` (the same logs, opened again) the drift over temperature is removed first.
+/// A request to detrend, or for the longest rest, needs `again`: the same logs, opened again.
 ///
 /// # Errors
 /// Errors of reading; logs of different shape; `all` τ of a long record; a temperature whose drift cannot be removed.
@@ -70,9 +84,14 @@ pub fn noise_budget<'a>(
         .file(file));
     }
     let tau0_s = s_from_ns(shape.nominal_ns);
-    let drifts = again.map(|again| RampDrift::of(again, setup)).transpose()?;
+    let first = match again {
+        Some(again) if request.detrend || request.at_rest => Some(WindowBuilder::read_all(again, setup)?.finish()),
+        _ => None,
+    };
+    let at_rest = first.as_ref().filter(|_| request.at_rest).map(longest_rest).transpose()?;
+    let drifts = first.filter(|_| request.detrend).map(|windows| RampDrift::of(windows, setup)).transpose()?;
     let shown = request.taus.multiples(tau0_s).map_err(bad_tau)?;
-    let mut reading = Reading::new(&shape, &shown, request.exact);
+    let mut reading = Reading { at_rest, ..Reading::new(&shape, &shown, request.exact) };
     let share = setup.memory.tracks() + setup.memory.windows();
     let most_exact_rows = usize::try_from(share).unwrap_or(usize::MAX) / (EXACT_ROW_BYTES * shape.axes.len().max(1));
     let mut rows = 0;
@@ -98,6 +117,14 @@ pub fn noise_budget<'a>(
         reading.inputs.push(LogFile::of(&summary));
     }
     reading.finish(&shape, &shown, request)
+}
+
+/// The longest rest of the first reading.
+fn longest_rest(windows: &Windows) -> Result<RestSpan> {
+    let longest = windows.rest.as_ref().and_then(|rest| rest.longest.clone());
+    longest.ok_or_else(|| {
+        Error::refused("no part of the record is known to be at rest", "remove --at-rest, or give a longer record")
+    })
 }
 
 /// The noise of a log that grows, in memory that does not.
@@ -133,7 +160,7 @@ impl NoiseSoFar {
     pub fn so_far(&self) -> Result<NoiseBudget> {
         let mut reading = self.reading.clone();
         reading.end_run();
-        reading.finish(&self.shape, &self.shown, &Request { taus: Taus::LogSpaced, exact: false })
+        reading.finish(&self.shape, &self.shown, &Request::new(Taus::LogSpaced))
     }
 }
 
@@ -149,8 +176,8 @@ const PERIODS_SAID: usize = 3;
 pub(crate) fn misfit_text(axis: &AxisBudget) -> Option<String> {
     let part = axis.misfit.filter(|part| *part >= SCATTER_SAID)?;
     Some(format!(
-        "axis {}: the curve scatters about the five terms by {} % more than chance explains (motion, steps or a wandering period); \
-         the intervals of its terms include that",
+        "axis {}: the curve scatters about the five terms by {} % more than chance explains (motion, steps or a wandering period; \
+         `--at-rest` uses the longest rest); the intervals of its terms include that",
         axis.axis,
         significant(100.0 * part, 2)
     ))
@@ -220,6 +247,8 @@ struct Reading {
     last_end_ns: Option<i64>,
     thermometers: usize,
     detrended: bool,
+    /// Rows outside of it are not used.
+    at_rest: Option<RestSpan>,
     /// Lowest and highest rate of a table, °/s.
     table_dps: [f64; 2],
     /// Angles without the drift, to be used again.
@@ -245,6 +274,7 @@ impl Reading {
             last_end_ns: None,
             thermometers: shape.thermometers.len(),
             detrended: false,
+            at_rest: None,
             table_dps: [f64::INFINITY, f64::NEG_INFINITY],
             angles: Vec::new(),
         }
@@ -270,15 +300,18 @@ impl Reading {
     /// Rows with these angles, in pieces as long as nothing is missing; and what was counted over gaps between them.
     fn pieces(&mut self, batch: &Batch, angles: &[Vec<f64>], drift: Option<&RampDrift>) {
         let mut bridges = batch.bridges.iter().peekable();
-        let mut at = 0;
+        let log = self.inputs.len() as u32;
+        let rows = self.at_rest.as_ref().map_or(0..batch.len(), |rest| rest.rows_of(log, batch));
+        let mut at = rows.start;
+        while bridges.next_if(|bridge| bridge.before_row < at).is_some() {}
         loop {
-            while let Some(bridge) = bridges.next_if(|bridge| bridge.before_row <= at) {
+            while let Some(bridge) = bridges.next_if(|bridge| bridge.before_row <= at && !rows.is_empty()) {
                 self.bridge(bridge, drift);
             }
-            if at >= batch.len() {
+            if at >= rows.end {
                 break;
             }
-            let next_bridge = bridges.peek().map_or(batch.len(), |bridge| bridge.before_row);
+            let next_bridge = bridges.peek().map_or(rows.end, |bridge| bridge.before_row.min(rows.end));
             let end = self.end_of_plain(batch, at, next_bridge);
             if end > at {
                 self.plain_rows(batch, angles, at..end);
@@ -293,9 +326,8 @@ impl Reading {
     fn end_of_plain(&self, batch: &Batch, at: usize, before: usize) -> usize {
         let (mut last_ns, mut end) = (self.last_end_ns.unwrap_or(batch.start_ns[at]), at);
         if batch.is_plain() && batch.start_ns[at] == last_ns {
-            return batch.len();
+            return before;
         }
-        let before = before.min(batch.len());
         let rows = batch.start_ns[at..before].iter().zip(&batch.end_ns[at..before]).zip(&batch.valid[at..before]);
         for ((start_ns, end_ns), valid) in rows {
             if !valid || *start_ns != last_ns || !self.shape.is_one_interval(*start_ns, *end_ns) {
@@ -413,6 +445,7 @@ impl Reading {
             axes,
             warnings,
             detrended: self.detrended,
+            at_rest: self.at_rest,
             excluded: self.tallies.list(),
             inputs: self.inputs,
             program: program(),

@@ -27,7 +27,7 @@ use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
 use crate::diagnostics::{Leg, WindowPoint, points, run_spans};
 use crate::fit::{FitOptions, Model, READINGS_HOLD, calibrate, readings_do_not_hold};
 use crate::verify::{Correction, Unanswered, unanswered};
-use crate::window::Windows;
+use crate::window::{RestSpan, Windows};
 use sagnac_log::error::{Error, ErrorKind, Result};
 use sagnac_log::ingest::{AngleUnit, Clipped};
 use sagnac_log::setup::Setup;
@@ -86,6 +86,8 @@ pub struct Survey {
     pub reason: Option<String>,
     /// What to mind.
     pub cautions: Vec<String>,
+    /// The longest part at rest, where others move; null where none moves, or all do.
+    pub at_rest: Option<RestSpan>,
     /// Every thermometer.
     pub thermometers: Vec<ThermometerSurvey>,
     /// Hours over temperature and rate; null without time or temperature.
@@ -139,15 +141,18 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
         unanswered: limits.iter().find(|(axis, _)| axis == letter).map(|(_, all)| all.clone()),
     };
     let axes: Vec<AxisSurvey> = windows.shape.axes.iter().enumerate().map(axis).collect();
+    let (moves, at_rest) = motion(windows);
     let (good_for, reason) = match (&tried, noise(windows, setup)) {
         _ if too_fast(windows).is_some() => (GoodFor::Nothing, too_fast(windows)),
         (Ok(_), _) => (GoodFor::Calibration, None),
+        _ if moves.is_some() && at_rest.is_none() => (GoodFor::Nothing, moves.clone()),
         (Err(refusal), Ok(())) => (GoodFor::Noise, Some(refusal.what.clone())),
         (Err(refusal), Err(why)) => (GoodFor::Nothing, Some(format!("{why}; {}", refusal.what))),
     };
     let mut cautions: Vec<String> = thermometers.iter().flat_map(|one| one.faults.clone()).collect();
     cautions.extend(windows.runs.iter().flat_map(|run| &run.files).flat_map(|file| file.summary.clock.clone()));
     cautions.extend(clipped(windows, setup));
+    cautions.extend(moves.filter(|moves| reason.as_ref() != Some(moves)));
     cautions.extend(rows_missing(windows, MANY_ROWS).filter(|missing| reason.as_ref() != Some(missing)));
     cautions.extend(readings_do_not_hold(windows).then(|| READINGS_HOLD.to_owned()));
     if good_for == GoodFor::Calibration {
@@ -158,7 +163,7 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
         cautions.extend(profile(windows, main));
         cautions.extend(tried.iter().flat_map(loud_thermometers));
     }
-    Ok(Survey { good_for, reason, cautions, thermometers, coverage, axes })
+    Ok(Survey { good_for, reason, cautions, at_rest, thermometers, coverage, axes })
 }
 
 /// The thermometer that a calibration would use.
@@ -238,6 +243,29 @@ fn clipped(windows: &Windows, setup: &Setup) -> Vec<String> {
         format!("axis {}: {} rows of {file} read {rate} exactly, clipped at full scale", one.axis, one.rows)
     };
     files.flat_map(|file| file.summary.clipped.iter().map(|one| (file.summary.file.as_str(), one))).map(say).collect()
+}
+
+/// Motion in words, with the longest rest next to it.
+fn motion(windows: &Windows) -> (Option<String>, Option<RestSpan>) {
+    if let Some(rest) = windows.rest.as_ref().filter(|rest| rest.moving_s > 0.0) {
+        let percent = significant(100.0 * rest.moving_s / rest.length_s, 2);
+        let span =
+            rest.longest.clone().filter(|span| span.length_s >= FEWEST_ROWS as f64 * windows.shape.sample_interval_s);
+        let longest = span.as_ref().map_or("no rest is long enough for noise terms".to_owned(), |span| {
+            format!("the longest rest is {span}, and `sagnac allan --at-rest` uses it")
+        });
+        return (Some(format!("not at rest: the rows move in {percent} % of the time; {longest}")), span);
+    }
+    let humps = windows.shape.axes.iter().enumerate().filter_map(|(axis, letter)| Some((letter, windows.hump(axis)?)));
+    let highest = humps.filter(|_| windows.rest.is_some()).max_by(|a, b| a.1.times.total_cmp(&b.1.times));
+    let says = highest.map(|(letter, hump)| {
+        format!(
+            "not at rest: the curve of axis {letter} has a hump at τ = {} s, {} times above noise (motion or vibration)",
+            significant(hump.tau_s, 2),
+            significant(hump.times, 2)
+        )
+    });
+    (says, None)
 }
 
 /// Whether the rows show noise.

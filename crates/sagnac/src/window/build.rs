@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use crate::window::outliers;
+use crate::window::rest::RestWatch;
 use crate::window::sums::{Moments, WindowSums, until_split};
 use crate::window::tracks::{Grid, Tracks};
 use crate::window::windows::{Run, RunFile, WindowRows, WindowShape, Windows};
@@ -43,6 +44,8 @@ pub struct WindowBuilder {
     rows: WindowRows,
     runs: Vec<Run>,
     differences: Vec<WindowedDifferences>,
+    /// Of a log with a clock.
+    rest: Option<RestWatch>,
     /// Where the stretch of those differences ends, ns.
     stretch_end_ns: Option<i64>,
     run: Option<OpenRun>,
@@ -151,6 +154,7 @@ impl WindowBuilder {
         Ok(Self {
             log: log.clone(),
             differences: vec![WindowedDifferences::new(sample_interval_s, noise_s); log.axes.len()],
+            rest: (log.timed && !shape.is_turned).then(|| RestWatch::new(log)),
             stretch_end_ns: None,
             window_ns: shape.window.seconds().map(window_ns),
             shape,
@@ -249,6 +253,9 @@ impl WindowBuilder {
             let or = "give longer windows (--window) or fewer logs at a time";
             let error = self.memory.exceeded(&what, self.memory.windows(), or);
             return Err(error.line(*batch.line.first().unwrap_or(&0)));
+        }
+        if let Some(rest) = &mut self.rest {
+            rest.push(batch);
         }
         self.weights.clear();
         let rows = batch.start_ns.iter().zip(&batch.end_ns);
@@ -481,6 +488,9 @@ impl WindowBuilder {
             part.summary.sha256.clone_from(&summary.sha256);
             rows = rows.saturating_sub(part.summary.rows);
         }
+        if let Some(rest) = &mut self.rest {
+            rest.end_file(&summary.file);
+        }
         let (file, tracks) = (&self.file, self.tracks);
         let run = self.run.get_or_insert_with(|| OpenRun::new(0, tracks, file));
         run.files.push(RunFile { start_ns: run.file_start_ns, summary: LogSummary { rows, ..summary } });
@@ -489,6 +499,9 @@ impl WindowBuilder {
     fn end_run(&mut self) {
         self.close_window();
         let Some(run) = self.run.take() else { return };
+        if let Some(rest) = &mut self.rest {
+            rest.end_run();
+        }
         self.stretch_end_ns = None;
         let tracks = run.tracks.into_values();
         self.runs.push(Run { files: run.files, start_ns: run.start_ns, end_ns: run.end_ns, tracks });
@@ -531,7 +544,8 @@ impl WindowBuilder {
         let keep_all = self.keep_outliers;
         let mut tallies = Tallies::default();
         self.runs.iter().flat_map(|run| &run.files).for_each(|file| tallies.merge(&file.summary.tallies));
-        let mut windows = Windows { shape: self.shape, runs: self.runs, rows: self.rows, tallies };
+        let rest = self.rest.and_then(RestWatch::finish);
+        let mut windows = Windows { shape: self.shape, runs: self.runs, rows: self.rows, tallies, rest };
         for i in 0..windows.len() {
             let run = &windows.runs[windows.rows.run[i] as usize];
             if windows.rows.start_ns[i] - run.start_ns < self.discard_initial_ns {

@@ -1,8 +1,9 @@
 //! Windows as a table: their shape, their runs, and every axis and column of them.
 
+use crate::window::rest::Rest;
 use sagnac_log::ingest::{AngleUnit, LogSummary, Reason, Tallies};
 use sagnac_log::setup::WindowSize;
-use sagnac_noise::{FILLED, JudgedWindow, MeasuredNoise, WindowSquares, WindowedCurve};
+use sagnac_noise::{FILLED, Hump, JudgedWindow, MeasuredNoise, WindowSquares, WindowedCurve};
 use sagnac_units::s_from_ns;
 
 /// What a set of windows consists of.
@@ -158,6 +159,8 @@ pub struct Windows {
     pub rows: WindowRows,
     /// Rows that were not used, and windows that are left out (in rows of the log).
     pub tallies: Tallies,
+    /// Motion and rest of the rows; `None` from few rows, without a clock, and on a rate table.
+    pub rest: Option<Rest>,
 }
 
 /// Standard errors beyond which a window's scatter is not noise.
@@ -214,6 +217,11 @@ impl Windows {
         self.noise_of(axis, |squares| !is_shaken(squares, median))
     }
 
+    /// A hump of the curve of all rows, beyond the laws of noise.
+    pub(crate) fn hump(&self, axis: usize) -> Option<Hump> {
+        self.curve_of(axis, |_| true).hump()
+    }
+
     /// The same of every used window, shaken or not: what the gyro did, not what its floor is.
     pub(crate) fn noise_with_shaken(&self, axis: usize) -> Option<MeasuredNoise> {
         self.noise_of(axis, |_| true)
@@ -264,6 +272,7 @@ impl Windows {
             runs: self.runs.clone(),
             rows: self.rows.only(members),
             tallies: self.tallies.clone(),
+            rest: self.rest.clone(),
         }
     }
 

@@ -110,7 +110,7 @@ fn wraps_resets_and_repeated_rows_do_not_matter() {
 }
 
 pub(crate) fn budget(log: Vec<u8>, setup: &Setup) -> NoiseBudget {
-    noise_budget(vec![reader(log, setup)], None, setup, &Request { taus: Taus::Octaves, exact: false }).unwrap()
+    noise_budget(vec![reader(log, setup)], None, setup, &Request::new(Taus::Octaves)).unwrap()
 }
 
 pub(crate) fn value(term: &TermValue) -> f64 {
