@@ -181,7 +181,6 @@ pub fn budget(
     let fit =
         variances(Deviation::Allan).filter(|(m, variance, _)| m.is_power_of_two() && *m <= limit && *variance > 0.0);
     let fit: Vec<(usize, f64, f64)> = fit.collect();
-    let highest = fit.iter().map(|(_, variance, _)| *variance).fold(0.0, f64::max);
     let periods: Vec<Period> = recorded.series.periods(tau0_s, arcsec);
     let bends = |period: &Period| {
         fit.iter().any(|(m, variance, _)| period.variance(*m as f64 * tau0_s) > LEAST_BEND * variance)
@@ -211,7 +210,7 @@ pub fn budget(
         hadamard: hadamard.collect(),
         terms: model.terms(),
         misfit: model.misfit(),
-        law_range: model.law_range(highest),
+        law_range: model.law_range(&fit),
         periods,
         curve,
         disturbed: None,

@@ -150,7 +150,7 @@ impl<'a> Model<'a> {
         let (terms, sigma) = (model.noise()?, agreement.n2_sigma);
         let n2 = terms.n_arcsec_rt_s.powi(2);
         let ends = [-NORMAL_975, NORMAL_975].map(|sigmas| (n2 + sigmas * sigma).max(0.0).sqrt());
-        (n2 > DETERMINED * sigma).then_some(MeasuredNoise { terms, n_ends_arcsec_rt_s: Some(ends) })
+        (n2 > DETERMINED * sigma).then_some(MeasuredNoise { terms, n_ends_arcsec_rt_s: Some(ends), filter_hz: None })
     }
 
     /// Of all points of a bare curve, whose rows nobody has seen.
@@ -320,8 +320,12 @@ impl<'a> Model<'a> {
 
     /// Where the laws begin. The highest σ² of white noise behind a filter is 1.2·N²·f to 5 % for one pole and for Butterworth's two
     /// and four (the integral of NIST SP 1065, eq. 65, over N²·|H|²).
-    pub(crate) fn law_range(&self, highest: f64) -> Option<LawRange> {
-        let from_s = self.multiples.first().filter(|_| self.laws.filtered)? * self.tau0_s;
+    pub(crate) fn law_range(&self, all: &[RawPoint]) -> Option<LawRange> {
+        let from = *self.multiples.first().filter(|_| self.laws.filtered)?;
+        let from_s = from * self.tau0_s;
+        // A drift may be higher, behind it.
+        let of_filter = all.iter().filter(|point| point.m <= from);
+        let highest = of_filter.map(|point| point.variance).fold(0.0, f64::max);
         let n2 = self.fitted?.coefficient(AllanTerm::AngleRandomWalk);
         let filter_hz = (self.is_behind_filter() && n2 > 0.0).then(|| highest / (HIGHEST_OF_FILTER * n2));
         Some(LawRange { from_s, filter_hz })

@@ -40,12 +40,14 @@ pub struct MeasuredNoise {
     pub terms: NoiseTerms,
     /// 95 % interval of N, arcsec/√s; from zero where N is not resolved, and `None` where the five laws do not describe the curve.
     pub n_ends_arcsec_rt_s: Option<[f64; 2]>,
+    /// Cut-off of a low-pass filter that hides the shorter τ, Hz.
+    pub filter_hz: Option<f64>,
 }
 
 impl MeasuredNoise {
     /// Noise that is stated, without an uncertainty.
     pub fn stated(terms: NoiseTerms) -> Self {
-        Self { terms, n_ends_arcsec_rt_s: None }
+        Self { terms, n_ends_arcsec_rt_s: None, filter_hz: None }
     }
 
     /// N in °/√h, and the ends of its interval.

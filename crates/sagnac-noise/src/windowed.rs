@@ -175,9 +175,10 @@ impl WindowedCurve {
                 let short =
                     ends.and_then(|[_, at_most]| Some(self.white_terms(&points[..within])?.n_arcsec_rt_s.min(at_most)));
                 let n_arcsec_rt_s = short.filter(|_| terms.n_arcsec_rt_s == 0.0).unwrap_or(terms.n_arcsec_rt_s);
-                MeasuredNoise { terms: NoiseTerms { n_arcsec_rt_s, ..terms }, n_ends_arcsec_rt_s: ends }
+                let filter_hz = model.law_range(&points).and_then(|range| range.filter_hz);
+                MeasuredNoise { terms: NoiseTerms { n_arcsec_rt_s, ..terms }, n_ends_arcsec_rt_s: ends, filter_hz }
             }
-            None => MeasuredNoise { terms: self.undescribed(&points[..within])?, n_ends_arcsec_rt_s: None },
+            None => MeasuredNoise::stated(self.undescribed(&points[..within])?),
         };
         (noise.terms.n_arcsec_rt_s + noise.terms.q_arcsec > 0.0).then_some(noise)
     }

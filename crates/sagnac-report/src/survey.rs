@@ -132,7 +132,7 @@ fn temperatures(windows: &Windows) -> Option<Chart> {
 fn axes(survey: &Survey) -> PageTable {
     let rows = survey.axes.iter().map(|axis| {
         let slope = axis.slope_dph_per_c.map_or("-".to_owned(), |[value, sigma]| with_sigma(value, Some(sigma)));
-        vec![axis.axis.to_string(), cell(axis.arw_deg_rt_h, 3), slope]
+        vec![axis.axis.to_string(), axis.arw_text(1.0), slope]
     });
     table("Axes", ["axis", "angle random walk, °/√h", "slope of a trial fit, °/h per °C"], rows)
 }

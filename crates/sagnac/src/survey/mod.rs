@@ -31,6 +31,7 @@ use crate::window::{RestSpan, Windows};
 use sagnac_log::error::{Error, ErrorKind, Result};
 use sagnac_log::ingest::{AngleUnit, Clipped};
 use sagnac_log::setup::Setup;
+use sagnac_noise::MeasuredNoise;
 use sagnac_units::DPH_PER_DPS;
 use sagnac_units::format::significant;
 use thermometers::thermometers;
@@ -104,10 +105,25 @@ pub struct AxisSurvey {
     pub axis: char,
     /// Angle random walk, °/√h; null where the rows do not show it.
     pub arw_deg_rt_h: Option<f64>,
+    /// Its 95 % interval, from zero where it is not resolved; null where the five laws do not describe the rows.
+    pub arw_interval_deg_rt_h: Option<[f64; 2]>,
     /// Slope of the trial with its standard error, °/h per °C; null without a trial.
     pub slope_dph_per_c: Option<[f64; 2]>,
     /// Limits of an acceptance that such a log has no value for; null where the log is not good for a calibration.
     pub unanswered: Option<Vec<Unanswered>>,
+}
+
+impl AxisSurvey {
+    /// Angle random walk with its interval, or its bound, `factor` per °/√h.
+    pub fn arw_text(&self, factor: f64) -> String {
+        let text = |value: f64| significant(factor * value, 3);
+        match (self.arw_deg_rt_h, self.arw_interval_deg_rt_h) {
+            (_, Some([0.0, at_most])) => format!("at most {}", text(at_most)),
+            (Some(n), Some([lower, upper])) => format!("{} ({} … {})", text(n), text(lower), text(upper)),
+            (Some(n), None) => text(n),
+            (None, _) => "-".to_owned(),
+        }
+    }
 }
 
 /// Surveys the windows of a log.
@@ -134,9 +150,11 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
         Ok(calibration) => limits_without_value(windows, setup, calibration)?,
         Err(_) => Vec::new(),
     };
+    let measured: Vec<_> = (0..windows.shape.axes.len()).map(|axis| windows.measured_noise(axis)).collect();
     let axis = |(at, letter): (usize, &char)| AxisSurvey {
         axis: *letter,
-        arw_deg_rt_h: windows.measured_noise(at).map(|noise| noise.terms.n_deg_rt_h()).filter(|n| *n > 0.0),
+        arw_deg_rt_h: measured[at].map(|noise| noise.terms.n_deg_rt_h()).filter(|n| *n > 0.0),
+        arw_interval_deg_rt_h: measured[at].and_then(|noise| noise.n_deg_rt_h().1),
         slope_dph_per_c: tried.as_ref().ok().and_then(|calibration| slope(calibration.axis(*letter).ok()?)),
         unanswered: limits.iter().find(|(axis, _)| axis == letter).map(|(_, all)| all.clone()),
     };
@@ -152,6 +170,7 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
     let mut cautions: Vec<String> = thermometers.iter().flat_map(|one| one.faults.clone()).collect();
     cautions.extend(windows.runs.iter().flat_map(|run| &run.files).flat_map(|file| file.summary.clock.clone()));
     cautions.extend(clipped(windows, setup));
+    cautions.extend(filtered(&windows.shape.axes, &measured));
     cautions.extend(moves.filter(|moves| reason.as_ref() != Some(moves)));
     cautions.extend(rows_missing(windows, MANY_ROWS).filter(|missing| reason.as_ref() != Some(missing)));
     cautions.extend(readings_do_not_hold(windows).then(|| READINGS_HOLD.to_owned()));
@@ -243,6 +262,13 @@ fn clipped(windows: &Windows, setup: &Setup) -> Vec<String> {
         format!("axis {}: {} rows of {file} read {rate} exactly, clipped at full scale", one.axis, one.rows)
     };
     files.flat_map(|file| file.summary.clipped.iter().map(|one| (file.summary.file.as_str(), one))).map(say).collect()
+}
+
+/// Axes behind a low-pass filter.
+fn filtered(axes: &[char], measured: &[Option<MeasuredNoise>]) -> Option<String> {
+    let behind = axes.iter().zip(measured).filter_map(|(letter, noise)| Some((letter, noise.as_ref()?.filter_hz?)));
+    let all: Vec<String> = behind.map(|(letter, hz)| format!("{letter} at about {} Hz", significant(hz, 2))).collect();
+    (!all.is_empty()).then(|| format!("filtered: axis {}; noise is taken from longer times", all.join(", ")))
 }
 
 /// Motion in words, with the longest rest next to it.

@@ -188,7 +188,7 @@ fn axes_table(means: &[LogAxis], axes: &[AxisSurvey], scale_known: bool, units: 
             mean.axis.to_string(),
             cell(mean.mean_dph.map(|dph| units.of_dph(dph))),
             cell(mean.mean_counts_per_s),
-            axis.arw_deg_rt_h.filter(|_| scale_known).map_or("-".to_owned(), |arw| significant(factor * arw, 3)),
+            if scale_known { axis.arw_text(factor) } else { "-".to_owned() },
             slope.map_or("-".to_owned(), |[value, sigma]| units.with_sigma(value, Some(sigma))),
         ]
     });
