@@ -16,7 +16,8 @@ use xtask::shell::root;
 
 use crate::made::Made;
 use crate::makes::{
-    chamber, circle, errors, faults, first_bytes, glossary, image, manual, pages, requirements, tables, vectors,
+    chamber, circle, errors, faults, first_bytes, glossary, good_log, image, manual, pages, requirements, tables,
+    vectors,
 };
 use crate::program::Program;
 
@@ -29,7 +30,7 @@ enum Make {
 }
 
 /// All generated files. Those of the libraries come first: the program reads some.
-const FILES: [(&str, Make); 15] = [
+const FILES: [(&str, Make); 16] = [
     ("testdata", Make::Here(chamber::make)),
     ("image", Make::Here(image::make)),
     ("vectors", Make::Here(vectors::make)),
@@ -44,6 +45,7 @@ const FILES: [(&str, Make); 15] = [
     ("cli", Make::ByProgram(manual::make)),
     ("errors", Make::ByProgram(errors::make)),
     ("faults", Make::ByProgram(faults::make)),
+    ("good-log", Make::ByProgram(good_log::make)),
     ("pages", Make::ByProgram(pages::make)),
 ];
 

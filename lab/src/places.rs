@@ -36,3 +36,4 @@ pub(crate) const VECTORS: &str = "testdata/vectors";
 pub(crate) fn vectors() -> PathBuf {
     root().join(VECTORS)
 }
+pub(crate) const GOOD_LOG: &str = "docs/how-to/good-log.md";

@@ -6,6 +6,7 @@ pub(crate) mod errors;
 pub(crate) mod faults;
 pub(crate) mod first_bytes;
 pub(crate) mod glossary;
+pub(crate) mod good_log;
 pub(crate) mod image;
 pub(crate) mod making;
 pub(crate) mod manual;
