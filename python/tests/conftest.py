@@ -33,8 +33,8 @@ def program() -> Program:
 
 @pytest.fixture(scope="session")
 def frames() -> list[polars.DataFrame]:
-    """The three cycles in memory."""
-    return [polars.read_csv(CHAMBER / f"cycle-{run}.csv.gz", infer_schema_length=None) for run in (1, 2, 3)]
+    """Two cycles and the retest in memory."""
+    return [polars.read_csv(CHAMBER / f"{run}.csv.gz", infer_schema_length=None) for run in ("cycle-1", "cycle-2", "retest")]
 
 
 @pytest.fixture()

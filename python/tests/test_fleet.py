@@ -13,10 +13,10 @@ from conftest import CHAMBER, MODEL, Program
 
 
 def test_the_table_of_a_fleet_is_read_by_anything(program: Program, tmp_path: Path) -> None:
-    for unit in (1, 2, 3):
+    for unit, log in enumerate(("cycle-1", "cycle-2", "retest"), 1):
         folder = tmp_path / f"units/RLG-{unit}"
         folder.mkdir(parents=True)
-        shutil.copy(CHAMBER / f"cycle-{unit}.csv.gz", folder)
+        shutil.copy(CHAMBER / f"{log}.csv.gz", folder)
     (tmp_path / "bench.toml").write_text('arcsec_per_count = 0.15125\naxis = "z"\n')
     source = ["units", "--setup", "bench.toml", "--model", MODEL]
     program("fleet", "calibrate", *source, "-o", "fleet", cwd=tmp_path)

@@ -64,10 +64,10 @@ def test_results_are_no_logs(unit: sagnac.Calibration, tmp_path: Path) -> None:
 def test_verifications_are_the_programs(unit: sagnac.Calibration, record: Path, program: Program) -> None:
     for limits in ("limits.toml", "navigation-grade", None):
         words = [] if limits is None else ["--limits", limits]
-        proof = unit.verify("cycle-3.csv.gz", limits)
-        assert proof.to_json().encode() == program("verify", record, "cycle-3.csv.gz", *words, "--json")
+        proof = unit.verify("retest.csv.gz", limits)
+        assert proof.to_json().encode() == program("verify", record, "retest.csv.gz", *words, "--json")
         assert proof.passed
-    strict = unit.verify("cycle-3.csv.gz", {"sigma_over_floor_max": 0.5})
+    strict = unit.verify("retest.csv.gz", {"sigma_over_floor_max": 0.5})
     assert not strict.passed and strict.axes[0].passed is False
     assert [limit.name for limit in strict.axes[0].limits if limit.met is False] == ["sigma_over_floor_max"]
     assert "NOT MET" in repr(strict)
@@ -83,19 +83,19 @@ def test_reports_are_the_programs(unit: sagnac.Calibration, record: Path, progra
     program("calibrate", *RUNS, "--setup", "bench.toml", "--model", MODEL, "--report", tmp_path / "program.html")
     unit.report(tmp_path / "package.html")
     assert (tmp_path / "package.html").read_bytes() == (tmp_path / "program.html").read_bytes()
-    program("verify", record, "cycle-3.csv.gz", "--limits", "limits.toml", "--report", tmp_path / "proof.html")
-    unit.verify("cycle-3.csv.gz", "limits.toml").report(tmp_path / "package.html")
+    program("verify", record, "retest.csv.gz", "--limits", "limits.toml", "--report", tmp_path / "proof.html")
+    unit.verify("retest.csv.gz", "limits.toml").report(tmp_path / "package.html")
     assert (tmp_path / "package.html").read_bytes() == (tmp_path / "proof.html").read_bytes()
     with pytest.raises(sagnac.InputError, match="no windows"):
         sagnac.Calibration.read(record).report(tmp_path / "none.html")
 
 
 def test_corrected_counts_are_the_programs(unit: sagnac.Calibration, record: Path, program: Program) -> None:
-    wanted = program("compensate", record, "cycle-3.csv.gz").decode().splitlines()
+    wanted = program("compensate", record, "retest.csv.gz").decode().splitlines()
     rows = [line for line in wanted if not line.startswith("#")]
     at = rows[0].split(",").index("compensated_counts")
     counts = [int(row.split(",")[at]) for row in rows[1:]]
-    found = unit.compensate("cycle-3.csv.gz")
+    found = unit.compensate("retest.csv.gz")
     assert found["counts_z"].tolist() == counts
     # A line of headers is above them.
     assert found["line"].tolist() == list(range(2, len(counts) + 2))
@@ -121,7 +121,7 @@ def test_noise_is_the_programs(program: Program) -> None:
 
 
 def test_comparisons_are_the_programs(unit: sagnac.Calibration, record: Path, program: Program, tmp_path: Path) -> None:
-    other = sagnac.calibrate(["cycle-3.csv.gz"], "bench.toml", model=MODEL)
+    other = sagnac.calibrate(["retest.csv.gz"], "bench.toml", model=MODEL)
     other.save(tmp_path / "other.cal.json")
     wanted = program("compare", record, tmp_path / "other.cal.json", "--json")
     found = sagnac.compare({str(record): unit, str(tmp_path / "other.cal.json"): other})

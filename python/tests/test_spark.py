@@ -14,10 +14,10 @@ from conftest import CHAMBER, MODEL, ROOT, Program
 
 
 def test_spark_gives_the_records_of_the_program(program: Program, tmp_path: Path) -> None:
-    for unit in (1, 2, 3):
+    for unit, log in enumerate(("cycle-1", "cycle-2", "retest"), 1):
         folder = tmp_path / f"units/RLG-{unit}"
         folder.mkdir(parents=True)
-        shutil.copy(CHAMBER / f"cycle-{unit}.csv.gz", folder)
+        shutil.copy(CHAMBER / f"{log}.csv.gz", folder)
     # A broken log is a row and not the end.
     (tmp_path / "units/RLG-4").mkdir()
     (tmp_path / "units/RLG-4/run.csv").write_text("time_s,counts,temperature_c\n1,2\n")

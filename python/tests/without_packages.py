@@ -14,7 +14,7 @@ def main() -> None:
     assert not others, f"imported: {others}"
     runs = [CHAMBER / "cycle-1.csv.gz", CHAMBER / "cycle-2.csv.gz"]
     unit = sagnac.calibrate(runs, CHAMBER / "bench.toml", model="bias 3, rate 0")
-    proof = unit.verify(CHAMBER / "cycle-3.csv.gz", CHAMBER / "limits.toml")
+    proof = unit.verify(CHAMBER / "retest.csv.gz", CHAMBER / "limits.toml")
     assert proof.passed and json.loads(proof.to_json())["axes"], proof
     assert len(unit.image()) == 256 and unit.image()[:4] == b"SAGN"
     assert unit.residuals().to_pydict()["hours"][0] > 0.0

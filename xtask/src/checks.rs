@@ -86,14 +86,13 @@ pub(crate) fn example() -> Result<()> {
     let build = ["build", "--locked", "--package", "sagnac-cli", "--no-default-features"];
     sh_in(&root(), "cargo", &build, &[("CARGO_INCREMENTAL", "0")])?;
     fs::create_dir_all(root().join("target"))?;
-    let cycle = |n: u8| format!("testdata/chamber/cycle-{n}.csv.gz");
+    let [one, two, retest] = ["cycle-1", "cycle-2", "retest"].map(|name| format!("testdata/chamber/{name}.csv.gz"));
     let setup = "testdata/chamber/bench.toml";
     let sagnac = built("debug", "sagnac");
     let sagnac = text(&sagnac)?;
-    let (one, two, three) = (cycle(1), cycle(2), cycle(3));
     sh(sagnac, &["calibrate", &one, &two, "--setup", setup, "-o", "target/unit.cal.json"])?;
     sh(sagnac, &["export", "target/unit.cal.json", "--to", "image", "-o", "target/unit.img"])?;
-    sh(sagnac, &["verify", "target/unit.cal.json", &three, "--limits", "testdata/chamber/limits.toml"])?;
+    sh(sagnac, &["verify", "target/unit.cal.json", &retest, "--limits", "testdata/chamber/limits.toml"])?;
     println!(
         "example: {sagnac} is without the live bench, Parquet and ULog; `cargo build --package sagnac-cli` makes the whole program"
     );

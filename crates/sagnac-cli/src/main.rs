@@ -24,9 +24,9 @@ use crate::verbs::{Verbs, manual, old};
 const EXAMPLES: &str = "\
 Examples:
   sagnac calibrate cycle-1.csv cycle-2.csv --arcsec-per-count 1.059 --serial RLG-7 -o unit.cal.json --report unit.html
-  sagnac verify unit.cal.json cycle-3.csv --limits limits.toml --report retest.html
+  sagnac verify unit.cal.json retest.csv --limits limits.toml --report retest.html
   sagnac export unit.cal.json --to image -o unit.img
-  sagnac compensate unit.img cycle-3.csv -o corrected.csv
+  sagnac compensate unit.img retest.csv -o corrected.csv
 
 Exit status: 0 done, 1 limits not met, 2 bad usage or input, 3 refused by the data.";
 

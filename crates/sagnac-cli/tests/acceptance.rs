@@ -28,7 +28,7 @@ fn record(folder: &TempDir) -> String {
 #[test]
 fn every_limit_has_its_value_margin_and_verdict() {
     let folder = TempDir::new().unwrap();
-    let (record, retest, limits) = (record(&folder), testdata("cycle-3.csv.gz"), testdata("acceptance.toml"));
+    let (record, retest, limits) = (record(&folder), testdata("retest.csv.gz"), testdata("acceptance.toml"));
     let verify = |limits: &str| {
         let out = sagnac().args(["verify", &record, &retest, "--limits", limits, "--json"]).output().unwrap();
         (out.status.code().unwrap(), serde_json::from_slice::<Value>(&out.stdout).unwrap())
@@ -61,7 +61,7 @@ fn every_limit_has_its_value_margin_and_verdict() {
 #[test]
 fn what_is_not_asked_is_not_met() {
     let folder = TempDir::new().unwrap();
-    let (record, retest) = (record(&folder), testdata("cycle-3.csv.gz"));
+    let (record, retest) = (record(&folder), testdata("retest.csv.gz"));
     let page = folder.path().join("page.html").display().to_string();
     let flags = ["verify", "-v", &record, &retest, "--limits", "navigation-grade", "--report", &page, "--json"];
     let out = sagnac().args(flags).output().unwrap();
@@ -97,7 +97,7 @@ fn the_failing_plateau_is_named() {
     let limits = folder.path().join("limits.toml").display().to_string();
     std::fs::write(&limits, "plateau_offset_dph_max = 1e-6\nplateau_sigma_dph_max = 1e-6\nramps_rms_dph_max = 1e-6\n")
         .unwrap();
-    let args = ["verify", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits, "--report", &page, "--json"];
+    let args = ["verify", &record, &testdata("retest.csv.gz"), "--limits", &limits, "--report", &page, "--json"];
     let out = sagnac().args(args).assert().code(1).get_output().clone();
     let object: Value = serde_json::from_slice(&out.stdout).unwrap();
     let axis = &object["axes"][0];
@@ -114,10 +114,10 @@ fn the_failing_plateau_is_named() {
     assert!(row.contains(&place.replace('-', "−")), "{place}: {row}");
 }
 
-/// The rows of the third cycle at some temperatures.
-fn cycle_3_where(folder: &TempDir, wanted: fn(f64) -> bool) -> String {
+/// The rows of the retest at some temperatures.
+fn retest_where(folder: &TempDir, wanted: fn(f64) -> bool) -> String {
     let path = folder.path().join("part.csv").display().to_string();
-    let out = Command::new("gzip").args(["-dc", &testdata("cycle-3.csv.gz")]).output().unwrap();
+    let out = Command::new("gzip").args(["-dc", &testdata("retest.csv.gz")]).output().unwrap();
     let whole = String::from_utf8(out.stdout).unwrap();
     let place = whole.lines().next().unwrap().split(',').position(|name| name.starts_with("temperature_c")).unwrap();
     let is_wanted = |line: &&str| line.split(',').nth(place).unwrap().parse().is_ok_and(wanted);
@@ -131,7 +131,7 @@ fn cycle_3_where(folder: &TempDir, wanted: fn(f64) -> bool) -> String {
 fn a_hole_in_the_retest_is_not_bridged() {
     let folder = TempDir::new().unwrap();
     let record = record(&folder);
-    let ends = cycle_3_where(&folder, |celsius| !(-20.0..50.0).contains(&celsius));
+    let ends = retest_where(&folder, |celsius| !(-20.0..50.0).contains(&celsius));
     let limits = folder.path().join("limits.toml").display().to_string();
     let flight = "[flight]\nprofile = [{ minutes = 0, temperature_c = -10 }, { minutes = 60, temperature_c = 40 }]\n";
     std::fs::write(&limits, format!("span_covered_min = 0.9\nposition_error_m_max = 1e6\n{flight}")).unwrap();
@@ -153,12 +153,12 @@ fn a_hole_in_the_retest_is_not_bridged() {
     sagnac().args(["verify", &record, &ends, &ends]).assert().code(2);
 }
 
-/// A retest over half of the temperatures counts for half of them, by record and by image alone.
+/// A retest over a third of the temperatures counts for a third of them, by record and by image alone.
 #[test]
 fn a_narrow_retest_is_no_acceptance() {
     let folder = TempDir::new().unwrap();
     let record = record(&folder);
-    let narrow = cycle_3_where(&folder, |celsius| celsius > 15.0);
+    let narrow = retest_where(&folder, |celsius| celsius > 35.0);
     let limits = folder.path().join("limits.toml").display().to_string();
     std::fs::write(&limits, "base = \"navigation-grade\"\nsigma_over_floor_max = 2.0\n").unwrap();
     let out = sagnac().args(["verify", &record, &narrow, "--limits", &limits, "--json"]).output().unwrap();
@@ -166,10 +166,14 @@ fn a_narrow_retest_is_no_acceptance() {
     let axis = &object["axes"][0];
     let missed: Vec<&Value> =
         axis["limits"].as_array().unwrap().iter().filter(|limit| limit["pass"] == false).map(|l| &l["name"]).collect();
-    // The only plateau above 15 °C is compared with nothing.
-    let both = ["span_covered_min", "plateau_offset_dph_max"].map(Value::from);
-    assert_eq!((out.status.code(), missed), (Some(1), both.iter().collect()), "{}", axis["limits"]);
-    assert!((axis["coverage"]["covered_fraction"].as_f64().unwrap() - 0.5).abs() < 0.01, "{}", axis["coverage"]);
+    // The only plateau above 35 °C is compared with nothing, 35 °C are too few for a slope, and the colder part is missing time.
+    let all = ["span_covered_min", "plateau_offset_dph_max", "drift_dph_per_c_max", "missing_max"].map(Value::from);
+    assert_eq!((out.status.code(), missed), (Some(1), all.iter().collect()), "{}", axis["limits"]);
+    assert!(
+        (axis["coverage"]["covered_fraction"].as_f64().unwrap() - 35.0 / 110.0).abs() < 0.01,
+        "{}",
+        axis["coverage"]
+    );
 }
 
 /// Limits met on a log of the fit are not an acceptance, on the terminal and on paper.
@@ -196,14 +200,14 @@ fn a_flight_beyond_the_test_is_not_accepted() {
     let flight = "position_error_m_max = 1e6\n[flight]\nprofile = [{ minutes = 0, temperature_c = 20 }, { minutes = 60, temperature_c = 95 }]\n";
     std::fs::write(&limits, flight).unwrap();
     let out =
-        sagnac().args(["verify", "-v", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits]).assert().code(1);
+        sagnac().args(["verify", "-v", &record, &testdata("retest.csv.gz"), "--limits", &limits]).assert().code(1);
     let said = String::from_utf8(out.get_output().stdout.clone()).unwrap();
     assert!(
         said.contains("the flight is not available: the flight goes to 95 °C") && said.contains("unknown"),
         "{said}"
     );
     std::fs::write(&limits, flight.replace("minutes = 60", "minutes = -1")).unwrap();
-    sagnac().args(["verify", "-v", &record, &testdata("cycle-3.csv.gz"), "--limits", &limits]).assert().code(2);
+    sagnac().args(["verify", "-v", &record, &testdata("retest.csv.gz"), "--limits", &limits]).assert().code(2);
 }
 
 /// Found by the hunt: every window was short, so the noise floor was the mean of nothing, and a limit beyond it was met by σ ± 0.026 °/h.
@@ -247,7 +251,7 @@ fn a_floor_of_nothing_meets_no_limit() {
 #[test]
 fn limits_are_not_held_against_another_window() {
     let folder = TempDir::new().unwrap();
-    let (record, retest) = (record(&folder), testdata("cycle-3.csv.gz"));
+    let (record, retest) = (record(&folder), testdata("retest.csv.gz"));
     let run = |more: &[&str]| {
         let args = [&["verify", &record, &retest, "--window", "300"], more].concat();
         let out = sagnac().args(args).output().unwrap();
@@ -262,7 +266,7 @@ fn limits_are_not_held_against_another_window() {
 #[test]
 fn a_limit_of_the_bias_cannot_be_switched_off_by_a_name() {
     let folder = TempDir::new().unwrap();
-    let (record, retest) = (record(&folder), testdata("cycle-3.csv.gz"));
+    let (record, retest) = (record(&folder), testdata("retest.csv.gz"));
     let run = |rate: &str| {
         let args = ["verify", &record, &retest, "--limits", "navigation-grade", "--input-rate", rate];
         let out = sagnac().args(args).output().unwrap();

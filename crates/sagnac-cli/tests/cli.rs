@@ -76,7 +76,7 @@ impl Bench {
 #[test]
 fn the_main_job_ends_with_a_proof() {
     let bench = Bench::new();
-    let (cal, img, retest) = (bench.path("unit.cal.json"), bench.path("unit.img"), testdata("chamber/cycle-3.csv.gz"));
+    let (cal, img, retest) = (bench.path("unit.cal.json"), bench.path("unit.img"), testdata("chamber/retest.csv.gz"));
     assert_eq!(run(&["export", &cal, "--to", "image", "-o", &img]).status, 0);
     let (status, proof) = json(&["verify", &cal, &retest, "--limits", &testdata("chamber/limits.toml"), "--json"]);
     assert_eq!(status, 0);
@@ -99,7 +99,7 @@ fn limits_not_met_is_status_1_and_says_which() {
     let bench = Bench::new();
     let limits = bench.write("limits.toml", "improvement_min = 100.0\n");
     let ran =
-        run(&["verify", "-v", &bench.path("unit.cal.json"), &testdata("chamber/cycle-3.csv.gz"), "--limits", &limits]);
+        run(&["verify", "-v", &bench.path("unit.cal.json"), &testdata("chamber/retest.csv.gz"), "--limits", &limits]);
     assert_eq!(ran.status, 1);
     assert!(ran.out.contains("LIMITS NOT MET") && ran.out.contains("improvement_min"), "{}", ran.out);
 }
@@ -202,7 +202,7 @@ fn a_full_disk_behind_standard_output_is_an_error() {
 #[test]
 fn damaged_and_foreign_corrections_are_refused() {
     let bench = Bench::new();
-    let (cal, img, retest) = (bench.path("unit.cal.json"), bench.path("unit.img"), testdata("chamber/cycle-3.csv.gz"));
+    let (cal, img, retest) = (bench.path("unit.cal.json"), bench.path("unit.img"), testdata("chamber/retest.csv.gz"));
     assert_eq!(run(&["export", &cal, "--to", "image", "-o", &img]).status, 0);
     let mut bytes = fs::read(&img).unwrap();
     bytes[130] ^= 4;
@@ -226,7 +226,7 @@ fn damaged_and_foreign_corrections_are_refused() {
 fn compensated_output_is_not_calibrated_again() {
     let bench = Bench::new();
     let (cal, retest, out) =
-        (bench.path("unit.cal.json"), testdata("chamber/cycle-3.csv.gz"), bench.path("corrected.csv"));
+        (bench.path("unit.cal.json"), testdata("chamber/retest.csv.gz"), bench.path("corrected.csv"));
     assert_eq!(run(&["compensate", &cal, &retest, "-o", &out]).status, 0);
     let to_stdout = run(&["compensate", &cal, &retest]);
     assert_eq!(to_stdout.out, fs::read_to_string(&out).unwrap());
@@ -264,7 +264,7 @@ fn compensate_answers_a_pipe_line_by_line() {
 fn a_closed_pipe_ends_quietly() {
     let bench = Bench::new();
     let mut child = Process::new(assert_cmd::cargo::cargo_bin("sagnac"))
-        .args(["compensate", &bench.path("unit.cal.json"), &testdata("chamber/cycle-3.csv.gz")])
+        .args(["compensate", &bench.path("unit.cal.json"), &testdata("chamber/retest.csv.gz")])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -331,7 +331,7 @@ fn an_imported_polynomial_is_verified_like_any_calibration() {
     let more = ["--arcsec-per-count", "0.15125", "--axis", "z", "-o", &old];
     let ran = run(&[&args[..], &more[..]].concat());
     assert_eq!(ran.status, 0, "{}", ran.err);
-    let (status, proof) = json(&["verify", &old, &testdata("chamber/cycle-3.csv.gz"), "--json"]);
+    let (status, proof) = json(&["verify", &old, &testdata("chamber/retest.csv.gz"), "--json"]);
     assert_eq!(status, 0);
     let gain = proof["axes"][0]["improvement_sigma"].as_f64().unwrap();
     assert!((1.0..1.4).contains(&gain), "temperature alone gains little here: {gain}");
@@ -440,7 +440,7 @@ fn a_terminal_is_treated_as_one_and_no_color_is_heeded() {
 #[test]
 fn every_file_that_is_written_is_recognised() {
     let bench = Bench::new();
-    let (log, setup) = (testdata("chamber/cycle-3.csv.gz"), testdata("chamber/bench.toml"));
+    let (log, setup) = (testdata("chamber/retest.csv.gz"), testdata("chamber/bench.toml"));
     let scenario = testdata("../scenarios/paper/paper.toml");
     let record = bench.path("unit.cal.json");
     let limits = testdata("chamber/limits.toml");

@@ -35,15 +35,15 @@ fn chamber(name: &str) -> String {
 fn every_command_fits_terminals_of_60_to_200_columns() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
-    for name in ["cycle-1.csv.gz", "cycle-3.csv.gz", "bench.toml", "limits.toml"] {
+    for name in ["cycle-1.csv.gz", "retest.csv.gz", "bench.toml", "limits.toml"] {
         std::fs::copy(chamber(name), at.join(name)).unwrap();
     }
     let commands = [
         "calibrate cycle-1.csv.gz --setup bench.toml --model 'bias 3, rate 0' -o a.json",
-        "calibrate cycle-3.csv.gz --setup bench.toml --tradeoff -o b.json",
+        "calibrate retest.csv.gz --setup bench.toml --tradeoff -o b.json",
         "export a.json --to image -o a.img",
-        "verify a.json cycle-3.csv.gz --limits limits.toml",
-        "verify a.img cycle-3.csv.gz --limits navigation-grade",
+        "verify a.json retest.csv.gz --limits limits.toml",
+        "verify a.img retest.csv.gz --limits navigation-grade",
         "compare a.json b.json --limits navigation-grade",
         "inspect cycle-1.csv.gz --setup bench.toml",
         "inspect a.img",
@@ -106,11 +106,11 @@ fn the_short_help_of_a_command_fits_a_screen() {
 fn a_verdict_is_in_colour_and_plain_where_the_terminal_is() {
     let folder = TempDir::new().unwrap();
     let at = folder.path();
-    for name in ["cycle-1.csv.gz", "cycle-3.csv.gz", "bench.toml", "limits.toml"] {
+    for name in ["cycle-1.csv.gz", "retest.csv.gz", "bench.toml", "limits.toml"] {
         std::fs::copy(chamber(name), at.join(name)).unwrap();
     }
     on_a_terminal(at, 100, "calibrate cycle-1.csv.gz --setup bench.toml --model 'bias 3, rate 0' -o a.json");
-    let verify = "verify a.json cycle-3.csv.gz --limits limits.toml";
+    let verify = "verify a.json retest.csv.gz --limits limits.toml";
     let coloured = on_a_terminal_with(at, 100, "env -u NO_COLOR LC_ALL=C.UTF-8", verify);
     assert!(
         coloured.contains("RLG-0001: \u{1b}[1;32mACCEPTED\u{1b}[0m - 3 limits met") && coloured.contains('…'),

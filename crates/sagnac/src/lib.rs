@@ -7,7 +7,7 @@
 //! # std::env::set_current_dir(root).unwrap();
 //! let bench = Setup::read("bench.toml")?;
 //! let calibration = sagnac::calibrate(&bench, ["cycle-1.csv.gz", "cycle-2.csv.gz"], Model::Auto)?;
-//! let proof = calibration.verify(["cycle-3.csv.gz"])?.limits(&Limits::read("limits.toml")?)?;
+//! let proof = calibration.verify(["retest.csv.gz"])?.limits(&Limits::read("limits.toml")?)?;
 //! let image = calibration.image('z')?;
 //! assert!(proof.passed() && calibration.evaluate(25.0, 0.0)?.drift_dph == 0.0);
 //! assert_eq!(image.len(), 256);

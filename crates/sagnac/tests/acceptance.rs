@@ -18,7 +18,7 @@ fn a_turn_on_too_short_for_its_bias_meets_no_limit_of_it() {
     for off in [0.0, 1.0] {
         let mut short = Bench::new(71_001, &usual);
         (short.hours, short.start_s, short.bias_dph) = (Some(690.0 / 3600.0), 200_000.0, off);
-        let logs = vec![Bench::new(71_000, &usual).log(), short.log()];
+        let logs = vec![Bench::retest(71_000, &usual).log(), short.log()];
         let found = proof(&unit, logs, VerifyOptions::default()).limits(&limits).unwrap();
         assert_eq!(
             missed(&found),
@@ -34,7 +34,7 @@ fn the_input_rate_is_that_of_the_calibration() {
     let (unit, limits) = (calibrated(), navigation());
     let setup = sagnac::Setup { input_rate_dph: None, ..Bench::setup() };
     let correction = Correction::from_calibration(unit.clone()).unwrap();
-    let mut bench = Bench::new(1, &usual);
+    let mut bench = Bench::retest(1, &usual);
     bench.bias_dph = 0.5;
     let log = reader(bench.log(), &setup);
     let found = verify(&correction, vec![log], &setup, VerifyOptions::default()).unwrap().limits(&limits).unwrap();

@@ -2,7 +2,7 @@
 
     >>> import sagnac
     >>> unit = sagnac.calibrate(["cycle-1.csv.gz", "cycle-2.csv.gz"], "bench.toml")
-    >>> unit.verify("cycle-3.csv.gz", limits="limits.toml").passed
+    >>> unit.verify("retest.csv.gz", limits="limits.toml").passed
     True
 
 A run is a path, a data frame of pandas or polars, any object with Arrow's stream interface, or a dict of numpy arrays, with the column

@@ -1,7 +1,7 @@
 //! Checks archive and package: packed again to the same bytes, unpacked, installed, run.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result, ensure};
 use xtask::debian::is_root;
@@ -105,12 +105,12 @@ fn runs(release: &Release, program: &Path, work: &Path) -> Result<()> {
     let sagnac = |args: &[&str]| stdout_of(300, text(program)?, args, work);
     let version = sagnac(&["--version"])?;
     ensure!(version.trim() == format!("sagnac {}", release.version), "--version prints {version}");
-    let logs: Vec<PathBuf> = (1..=3).map(|n| data(&format!("cycle-{n}.csv.gz"))).collect();
+    let logs = ["cycle-1", "cycle-2", "retest"].map(|name| data(&format!("{name}.csv.gz")));
     let (setup, limits) = (data("bench.toml"), data("limits.toml"));
-    let (first, second, third) = (text(&logs[0])?, text(&logs[1])?, text(&logs[2])?);
+    let (first, second, retest) = (text(&logs[0])?, text(&logs[1])?, text(&logs[2])?);
     let calibrated = sagnac(&["calibrate", first, second, "--setup", text(&setup)?, "-o", "unit.cal.json"])?;
     ensure!(calibrated.contains("cubic + dT/dt"), "calibrate prints\n{calibrated}");
-    let verified = sagnac(&["verify", "unit.cal.json", third, "--limits", text(&limits)?, "--report", "unit.html"])?;
+    let verified = sagnac(&["verify", "unit.cal.json", retest, "--limits", text(&limits)?, "--report", "unit.html"])?;
     ensure!(verified.contains("ACCEPTED - 3 limits met"), "verify prints\n{verified}");
     let report = fs::read_to_string(work.join("unit.html")).context("verify wrote no report")?;
     ensure!(report.contains("</html>"), "the report has no end");

@@ -25,7 +25,7 @@ use crate::verbs::verb::Verb;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
-  sagnac compensate unit.img cycle-3.csv -o corrected.csv
+  sagnac compensate unit.img retest.csv -o corrected.csv
   tail -f live.csv | sagnac compensate unit.cal.json")]
 pub(crate) struct Args {
     /// Calibration or image

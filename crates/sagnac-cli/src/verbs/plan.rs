@@ -18,7 +18,8 @@ use crate::verbs::verb::Verb;
 
 /// Find the shortest test likely to qualify the next unit
 ///
-/// Writes temperatures, ramps and soaks for a chamber. Calibrate the unit with the same prior afterwards.
+/// Writes temperatures, ramps and soaks for a chamber. Every test rests in mid-span after heating and after cooling. Calibrate the
+/// unit with the same prior afterwards.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -28,7 +28,7 @@ use crate::verbs::verb::Verb;
 #[derive(clap::Args)]
 #[command(after_help = "\
 Example:
-  sagnac verify unit.cal.json cycle-3.csv --limits limits.toml --report retest.html")]
+  sagnac verify unit.cal.json retest.csv --limits limits.toml --report retest.html")]
 pub(crate) struct Args {
     /// Calibration or image
     correction: PathBuf,

@@ -158,7 +158,7 @@ fn nothing_is_clipped_at_any_width() {
     let at = folder.path();
     let file = |name: &str| testdata(name).display().to_string();
     let (one, two, three) =
-        (file("chamber/cycle-1.csv.gz"), file("chamber/cycle-2.csv.gz"), file("chamber/cycle-3.csv.gz"));
+        (file("chamber/cycle-1.csv.gz"), file("chamber/cycle-2.csv.gz"), file("chamber/retest.csv.gz"));
     let (setup, limits) = (file("chamber/bench.toml"), file("chamber/acceptance.toml"));
     three_axes(at, "a.csv", 1);
     three_axes(at, "b.csv", 2);
@@ -426,7 +426,7 @@ fn a_browser_draws_every_figure_of_every_report() {
     let folder = TempDir::new().unwrap();
     let file = |name: &str| testdata(name).display().to_string();
     let (one, two, three) =
-        (file("chamber/cycle-1.csv.gz"), file("chamber/cycle-2.csv.gz"), file("chamber/cycle-3.csv.gz"));
+        (file("chamber/cycle-1.csv.gz"), file("chamber/cycle-2.csv.gz"), file("chamber/retest.csv.gz"));
     let (setup, limits) = (file("chamber/bench.toml"), file("chamber/limits.toml"));
     sagnac(folder.path(), &["calibrate", &one, &two, "--setup", &setup, "-o", "u.json", "--report", "fit.html"]);
     sagnac(folder.path(), &["verify", "u.json", &three, "--limits", &limits, "--report", "proof.html"]);
@@ -447,7 +447,7 @@ fn a_browser_draws_the_reports_of_a_whole_calibration() {
     let folder = TempDir::new().unwrap();
     let file = |name: &str| testdata(name).display().to_string();
     let (one, two, three) =
-        (file("chamber/cycle-1.csv.gz"), file("chamber/cycle-2.csv.gz"), file("chamber/cycle-3.csv.gz"));
+        (file("chamber/cycle-1.csv.gz"), file("chamber/cycle-2.csv.gz"), file("chamber/retest.csv.gz"));
     let (setup, limits) = (file("chamber/bench.toml"), file("chamber/acceptance.toml"));
     sagnac(folder.path(), &["allan", &one, "--setup", &setup, "--report", "noise.html"]);
     sagnac(folder.path(), &["calibrate", &one, "--setup", &setup, "--model", "bias 3, rate 0", "-o", "1.json"]);

@@ -56,6 +56,16 @@ impl LaggedChamber {
         }
     }
 
+    /// The same gyro on the standard profile of a retest, 14.8 h: at ±1 °C/min soaks of 1.5 h at −40, 25, 70, 25 and −40 °C, then to 70 and
+    /// back to −40 °C without soaks. Only the soaks at 25 °C, after heating and after cooling, can show a memory of the direction.
+    pub fn standard(self) -> Self {
+        let soak = Leg::Soak(5400.0);
+        let ramp = |to_c: f64| Leg::Ramp(to_c, 1.0);
+        let soaked = [25.0, 70.0, 25.0, -40.0].into_iter().flat_map(|to_c| [ramp(to_c), soak]);
+        let legs = std::iter::once(soak).chain(soaked).chain([ramp(70.0), ramp(-40.0)]).collect();
+        Self { start_c: -40.0, legs, ..self }
+    }
+
     /// Drift at a block temperature and rate, °/h.
     fn drift(&self, block_c: f64, rate_cpm: f64) -> f64 {
         let u = (block_c - 15.0) / 55.0;

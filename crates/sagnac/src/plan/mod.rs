@@ -11,8 +11,8 @@
 //! retest against `navigation-grade` with 0.97 or more (docs/explanation/evidence.md).
 //!
 //! I is the criterion of I-optimal designs: the variance of the prediction, averaged over where the correction is used (Box and Draper
-//! 1959). Candidates are sequences that a chamber can be told: to one or both ends of the span, back or not, with or without plateaus on the
-//! way, at one of its rates.
+//! 1959). Candidates are sequences that a chamber can be told: towards both ends of the span, with or without plateaus on the way, at one of
+//! its rates. Each rests in mid-span after heating and after cooling: a memory of the direction shows nowhere else, and no covariance has it.
 //!
 //! Fails for a unit that is not of the fleet, which the test itself refuses; for limits that a correction does not decide (noise,
 //! repeatability); for fleets on a rate table, whose scale factor is not planned.

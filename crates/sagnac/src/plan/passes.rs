@@ -17,7 +17,7 @@ pub(super) const BIN_C: f64 = 10.0;
 /// To be on a side of a temperature is to be so far from it, °C.
 const ASIDE_C: f64 = 1.0;
 /// Shortest rest, h.
-const REST_H: f64 = 0.25;
+pub(super) const REST_H: f64 = 0.25;
 
 /// How often a temperature was passed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use serde::Serialize;
 
+use super::passes::REST_H;
 use crate::fit::UnitPrior;
 use crate::model::COMMON_SPAN;
 use crate::model::basis::chebyshev;
@@ -13,6 +14,10 @@ use sagnac_log::error::{Error, Result};
 const ROWS: f64 = 5.0;
 /// Tests of the same length are not told apart below this, h.
 const SAME_HOURS: f64 = 1e-9;
+/// Where the rest in mid-span is, if the span allows it, °C.
+const ROOM_C: f64 = 25.0;
+/// A block below this rate stands still, °C/min.
+const STEADY_CPM: f64 = 0.05;
 
 /// What a chamber can do.
 #[derive(Clone, Debug, PartialEq)]
@@ -68,10 +73,33 @@ pub struct ProfileStep {
     pub soak_min: f64,
 }
 
+/// The rest in mid-span, which every test reaches after heating and after cooling: nothing else shows a memory of the direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Rest {
+    at_c: f64,
+    /// Shortest soak there, min.
+    soak_min: f64,
+}
+
+impl Rest {
+    /// At the temperature nearest to [`ROOM_C`] in the middle half of a span, until the block has stood still for [`REST_H`].
+    fn of([lo, hi]: [f64; 2], chamber: &Chamber, rate_cpm: f64) -> Self {
+        let quarter = (hi - lo) / 4.0;
+        let settled_min = chamber.block_lag_min * (rate_cpm / STEADY_CPM).ln().max(0.0);
+        Self { at_c: ROOM_C.clamp(lo + quarter, hi - quarter).round(), soak_min: (settled_min + 60.0 * REST_H).round() }
+    }
+
+    /// Shortest soak at a temperature, min.
+    fn least_min(&self, celsius: f64) -> f64 {
+        if celsius == self.at_c { self.soak_min } else { 0.0 }
+    }
+}
+
 /// The steps of a test.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Profile {
     pub(super) steps: Vec<ProfileStep>,
+    rest: Rest,
 }
 
 /// Every test of up to so many hours, the shortest first.
@@ -84,40 +112,51 @@ pub(super) fn candidates(
 ) -> Vec<Profile> {
     // A chamber gets whole degrees.
     let [lo, hi] = prior.span_c.map(f64::round);
-    let (start, middle) = (chamber.start_c, |end: f64| ((chamber.start_c + end) / 2.0).round());
-    let routes = [
-        vec![lo],
-        vec![hi],
-        vec![middle(lo), middle(hi)],
-        vec![lo, hi],
-        vec![hi, lo],
-        vec![lo, start],
-        vec![hi, start],
-        vec![lo, hi, start],
-        vec![hi, lo, start],
-        vec![lo, hi, lo],
-        vec![hi, lo, hi],
-        vec![lo, hi, lo, hi],
-        vec![hi, lo, hi, lo],
-    ];
     let mut all: Vec<Profile> = Vec::new();
-    for route in &routes {
-        for rate_cpm in &chamber.rates_cpm {
+    for rate_cpm in &chamber.rates_cpm {
+        let rest = Rest::of([lo, hi], chamber, *rate_cpm);
+        for route in routes([lo, hi], rest.at_c, chamber.start_c) {
             for plateaus in plateaus {
-                let one = |soak_min: &f64| Profile::along(start, route, *rate_cpm, *plateaus, *soak_min);
+                let one =
+                    |soak_min: &f64| Profile::along(chamber.start_c, &route, rest, *rate_cpm, *plateaus, *soak_min);
                 all.extend(soaks_min.iter().map(one));
             }
         }
     }
-    all.retain(|profile| profile.hours(chamber) <= hours_max && !profile.steps.is_empty());
+    all.retain(|profile| profile.hours(chamber) <= hours_max);
     all.sort_by(|a, b| a.hours(chamber).total_cmp(&b.hours(chamber)));
     all.dedup_by(|a, b| (a.hours(chamber) - b.hours(chamber)).abs() < SAME_HOURS && a == b);
     all
 }
 
+/// Turns of the temperature with the rest after heating and after cooling, each from an eighth of the span away or more.
+fn routes([lo, hi]: [f64; 2], rest_c: f64, start_c: f64) -> Vec<Vec<f64>> {
+    let half = |end: f64| f64::midpoint(rest_c, end).round();
+    let mut routes = vec![
+        vec![half(lo), rest_c, half(hi), rest_c],
+        vec![half(hi), rest_c, half(lo), rest_c],
+        vec![lo, rest_c, half(hi), rest_c],
+        vec![hi, rest_c, half(lo), rest_c],
+        vec![lo, rest_c, hi, rest_c],
+        vec![hi, rest_c, lo, rest_c],
+        vec![lo, rest_c, hi, rest_c, lo],
+        vec![hi, rest_c, lo, rest_c, hi],
+        vec![lo, rest_c, hi, rest_c, lo, hi],
+        vec![hi, rest_c, lo, rest_c, hi, lo],
+    ];
+    // The start is on one side already.
+    let aside_c = (hi - lo) / 8.0;
+    if start_c <= rest_c - aside_c {
+        routes.extend([vec![rest_c, half(hi), rest_c], vec![rest_c, hi, rest_c], vec![rest_c, hi, rest_c, lo]]);
+    } else if start_c >= rest_c + aside_c {
+        routes.extend([vec![rest_c, half(lo), rest_c], vec![rest_c, lo, rest_c], vec![rest_c, lo, rest_c, hi]]);
+    }
+    routes
+}
+
 impl Profile {
-    /// Along some temperatures, with so many plateaus on the way to each, each with the same soak.
-    fn along(start: f64, route: &[f64], rate_cpm: f64, plateaus: usize, soak_min: f64) -> Self {
+    /// Along some temperatures, with so many plateaus on the way to each, each with the same soak; that of the rest is no shorter than it must be.
+    fn along(start: f64, route: &[f64], rest: Rest, rate_cpm: f64, plateaus: usize, soak_min: f64) -> Self {
         let mut steps: Vec<ProfileStep> = Vec::new();
         let mut from = start;
         for to in route {
@@ -125,22 +164,24 @@ impl Profile {
             for part in 1..=parts {
                 let to_c = (from + (to - from) * part as f64 / parts as f64).round();
                 if to_c != steps.last().map_or(start, |step| step.to_c) {
+                    let soak_min = soak_min.max(rest.least_min(to_c));
                     steps.push(ProfileStep { to_c, rate_cpm, soak_min });
                 }
             }
             from = *to;
         }
-        Self { steps }
+        Self { steps, rest }
     }
 
-    /// With a step's soak shortened; `None` where it has none.
+    /// With a step's soak shortened; `None` where it may not be.
     pub(super) fn shortened(&self, step: usize, by_min: f64) -> Option<Self> {
         let mut shorter = self.clone();
-        let soak = &mut shorter.steps.get_mut(step)?.soak_min;
-        if *soak <= 0.0 {
+        let step = shorter.steps.get_mut(step)?;
+        let least_min = self.rest.least_min(step.to_c);
+        if step.soak_min <= least_min {
             return None;
         }
-        *soak = (*soak - by_min).max(0.0);
+        step.soak_min = (step.soak_min - by_min).max(least_min);
         Some(shorter)
     }
 
@@ -240,7 +281,9 @@ mod tests {
     #[test]
     fn a_profile_is_what_the_chamber_does() {
         let chamber = Chamber::new(20.0, vec![1.0]);
-        let profile = Profile::along(20.0, &[-40.0, 70.0], 1.0, 1, 30.0);
+        let rest = Rest::of([-40.0, 70.0], &chamber, 1.0);
+        assert_eq!(rest, Rest { at_c: 25.0, soak_min: 15.0 });
+        let profile = Profile::along(20.0, &[-40.0, 70.0], rest, 1.0, 1, 30.0);
         assert_eq!(profile.steps.iter().map(|step| step.to_c).collect::<Vec<_>>(), [-10.0, -40.0, 15.0, 70.0]);
         assert!((profile.hours(&chamber) - (60.0 + 110.0 + 4.0 * 30.0) / 60.0).abs() < 1e-12);
         for (minutes, celsius) in
@@ -251,5 +294,28 @@ mod tests {
         let shorter = profile.shortened(1, 40.0).unwrap();
         assert_eq!(shorter.steps[1].soak_min, 0.0);
         assert_eq!(shorter.shortened(1, 5.0), None);
+    }
+    #[test]
+    fn every_test_rests_in_mid_span_after_heating_and_after_cooling() {
+        let mut chamber = Chamber { block_lag_min: 20.0, ..Chamber::new(20.0, vec![1.0]) };
+        assert_eq!(Rest::of([-40.0, 70.0], &chamber, 1.0), Rest { at_c: 25.0, soak_min: 75.0 });
+        assert_eq!(Rest::of([-10.0, 30.0], &chamber, 0.05), Rest { at_c: 20.0, soak_min: 15.0 });
+        for start_c in [-40.0, 0.0, 20.0, 25.0, 50.0, 70.0] {
+            chamber.start_c = start_c;
+            for route in routes([-40.0, 70.0], 25.0, start_c) {
+                let rest = Rest::of([-40.0, 70.0], &chamber, 1.0);
+                let mut profile = Profile::along(start_c, &route, rest, 1.0, 1, 0.0);
+                for step in 0..profile.steps.len() {
+                    while let Some(shorter) = profile.shortened(step, 25.0) {
+                        profile = shorter;
+                    }
+                }
+                let mut from_c = vec![start_c];
+                from_c.extend(profile.steps.iter().map(|step| step.to_c));
+                let rests = profile.steps.iter().zip(&from_c).filter(|(step, _)| step.soak_min >= 75.0);
+                let came: Vec<bool> = rests.map(|(step, from_c)| step.to_c > *from_c).collect();
+                assert!(came.contains(&true) && came.contains(&false), "{start_c}, {route:?}: {came:?}");
+            }
+        }
     }
 }

@@ -2,7 +2,7 @@
 //! noise and counter are written out here.
 //!
 //! ```text
-//! chamber: triangle −40 … +70 °C at 1 °C/min with soaks ─first-order lag─▶ block = thermometer
+//! chamber: −40 … +70 °C at 1 °C/min with soaks, a triangle or the standard profile ─first-order lag─▶ block = thermometer
 //! rate   = input + bias + drift(T, Ṫ) + disturbance + N (white) + B (flicker) + K (walk) + slow (AR(1))      °/h
 //! counts = floor(angle/quantum) differences: quantization is that of a counter
 //! ```
@@ -24,6 +24,9 @@ pub(crate) const QUANTUM_ARCSEC: f64 = 0.15125;
 pub(crate) const N_DEG_RT_H: f64 = 0.003;
 /// White noise of a 100 s window by that walk, °/h.
 pub(crate) const WHITE_100_S_DPH: f64 = 0.018;
+
+/// Length of the standard profile, h.
+pub(crate) const STANDARD_HOURS: f64 = 890.0 / 60.0;
 
 /// Own random numbers: SplitMix64 and Box–Muller.
 pub(crate) struct Dice(u64);
@@ -146,6 +149,8 @@ pub(crate) struct Bench<'a> {
     pub(crate) start_s: f64,
     /// Angle of a count, arcsec.
     pub(crate) quantum_arcsec: f64,
+    /// The phase at which a count is taken is uniform, as behind a dither.
+    pub(crate) is_dithered: bool,
     /// Interval of a row, s.
     pub(crate) row_s: f64,
     /// Temperature of the chamber, °C, after so many minutes.
@@ -182,9 +187,20 @@ impl<'a> Bench<'a> {
             markov: None,
             start_s: 0.0,
             quantum_arcsec: QUANTUM_ARCSEC,
+            is_dithered: false,
             row_s: 5.0,
             chamber_c: Self::triangle_c,
         }
+    }
+
+    /// The standard retest of a gyro.
+    pub(crate) fn retest(seed: u64, drift: &'a dyn Fn(Now) -> f64) -> Self {
+        Self::new(seed, drift).standard()
+    }
+
+    /// The same gyro on the standard profile.
+    pub(crate) fn standard(self) -> Self {
+        Self { chamber_c: Self::standard_c, hours: Some(STANDARD_HOURS), ..self }
     }
 
     /// How its logs are read.
@@ -204,6 +220,22 @@ impl<'a> Bench<'a> {
             m if m < 200.0 => -40.0 + (m - 90.0),
             m if m < 290.0 => 70.0,
             m => 70.0 - (m - 290.0),
+        }
+    }
+
+    /// The standard profile after so many minutes: soaks at −40, 25, 70, 25 and −40 °C, a cycle without soaks; a longer test has more of those.
+    pub(crate) fn standard_c(minutes: f64) -> f64 {
+        match minutes {
+            m if m < 90.0 => -40.0,
+            m if m < 155.0 => -40.0 + (m - 90.0),
+            m if m < 245.0 => 25.0,
+            m if m < 290.0 => 25.0 + (m - 245.0),
+            m if m < 380.0 => 70.0,
+            m if m < 425.0 => 70.0 - (m - 380.0),
+            m if m < 515.0 => 25.0,
+            m if m < 580.0 => 25.0 - (m - 515.0),
+            m if m < 670.0 => -40.0,
+            m => 70.0 - ((m - 670.0) % 220.0 - 110.0).abs(),
         }
     }
 
@@ -242,7 +274,8 @@ impl<'a> Bench<'a> {
             let noise = slow_dph + white * dice.normal();
             let input = self.input_dph + self.bias_dph + (self.drift)(now) + disturb(now.hours) + noise;
             angle += input * self.row_s / (1.0 + self.scale_ppm * 1e-6);
-            let total = (angle / self.quantum_arcsec).floor();
+            let dither = if self.is_dithered { start.uniform() } else { 0.0 };
+            let total = (angle / self.quantum_arcsec + dither).floor();
             let step = self.thermometer_step_c;
             let read = if step > 0.0 { (now.celsius / step).round() * step } else { now.celsius };
             let time_s = self.start_s + (i + 1) as f64 * self.row_s;

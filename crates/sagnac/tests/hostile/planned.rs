@@ -1,4 +1,4 @@
-//! A planned test with a prior next to the full one without, on many units, each checked against an independent retest.
+//! A planned test with a prior next to the full one without, the standard profile, on many units, each checked against an independent retest.
 
 use std::sync::OnceLock;
 
@@ -17,8 +17,6 @@ use crate::support::reader;
 use crate::support::rows::Rows;
 use sagnac::Limits;
 
-/// Hours of the full test: two cycles.
-pub(crate) const FULL_HOURS: f64 = 800.0 / 60.0;
 /// Quantization of a counter that is read as differences, arcsec: σ of a uniform part of a count.
 const Q_ARCSEC: f64 = QUANTUM_ARCSEC * 0.288_675;
 
@@ -70,7 +68,7 @@ fn planned_c(minutes: f64) -> f64 {
 pub(crate) fn compared(units: Records) -> Outcome {
     let odd_units = units.part(4);
     let units = units.count();
-    let fleet = Fleet::new(1, 3, |_| ());
+    let fleet = Fleet::new(1, 3, |bench| *bench = bench.clone().standard());
     let (prior, limits) = (fleet.of_lot(), Limits::named_or_read("navigation-grade").unwrap());
     let mut chamber = Chamber::new(20.0, vec![1.0]);
     chamber.block_lag_min = 20.0;
@@ -87,7 +85,7 @@ pub(crate) fn compared(units: Records) -> Outcome {
         let seed = 77_000_000 + 10 * unit;
         let gyro = gyro(fleet.lots[1], &mut Dice::new(seed));
         let short = short_of(gyro, seed + 1);
-        let full = |seed: u64| gyro.log(seed, |bench| bench.row_s = 5.0);
+        let full = |seed: u64| gyro.log(seed, |bench| *bench = Bench { row_s: 5.0, ..bench.clone() }.standard());
         let by_plan = calibrated(short, Some(&prior)).ok()?;
         let by_full = calibrated(full(seed + 2), None).unwrap();
         let retest = full(seed + 3);

@@ -87,11 +87,8 @@ pub(crate) fn unit(number: u64) -> Unit {
     }
 }
 
-fn log(drift: &dyn Fn(Now) -> f64, seed: u64, noise: [f64; 2]) -> Rows<3> {
-    let mut bench = Bench::new(seed, drift);
-    (bench.cycles, bench.row_s, bench.rate_lag_s) = (3, ROW_S, 240.0);
-    [bench.b_dph, bench.k_dph_rt_h] = noise;
-    bench.log()
+fn bench(drift: &dyn Fn(Now) -> f64, seed: u64, [b_dph, k_dph_rt_h]: [f64; 2]) -> Bench<'_> {
+    Bench { cycles: 3, row_s: ROW_S, rate_lag_s: 240.0, b_dph, k_dph_rt_h, ..Bench::new(seed, drift) }
 }
 
 /// The calibration of a test that ends when it is complete, with its hours; and that of the full one.
@@ -138,8 +135,8 @@ pub(crate) fn stopped(units: Records, limits: &Limits, passes: u32, unit: fn(u64
         let drift = unit(number);
         // Units without flicker and walk, with little, and with much of them.
         let noise = [[0.0, 0.0], [0.001, 0.001], [0.002, 0.002]][(number / KINDS % 3) as usize];
-        let (stopped, full) = tested(&log(&drift, 10 * number + 1, noise), &request);
-        let retest = log(&drift, 10 * number + 2, noise);
+        let (stopped, full) = tested(&bench(&drift, 10 * number + 1, noise).log(), &request);
+        let retest = bench(&drift, 10 * number + 2, noise).standard().log();
         let met_full = accepted(&full, retest.clone(), limits);
         let (hours, met) = match &stopped {
             Some((hours, made)) => (*hours, accepted(made, retest, limits)),

@@ -167,7 +167,7 @@ pub(super) fn testdata(folder: &Path) -> Result<Vec<Command>> {
     let chamber = |file: &str| at.join("chamber").join(file).display().to_string();
     let logs = format!("{} {}", chamber("cycle-1.csv.gz"), chamber("cycle-2.csv.gz"));
     let setup = format!("--setup {}", chamber("bench.toml"));
-    let retest = chamber("cycle-3.csv.gz");
+    let retest = chamber("retest.csv.gz");
     let mems = at.join("mems-chamber-sweep/bench.toml").display().to_string();
     let sweep = root().join("../shared/data/mems-chamber-sweep");
     let mut commands = vec![

@@ -56,7 +56,7 @@ impl Verb for Args {
         }
         let factory = Site { factory: Factory { seed: self.seed }, folder };
         console.say(format!(
-            "{} units of three lots on three rigs, 13.6 h in the chamber each and as long a retest; the thermometer of rig west reads {OFF_C} °C high",
+            "{} units of three lots on three rigs, 14.8 h in the chamber each and as long a retest; the thermometer of rig west reads {OFF_C} °C high",
             self.units
         ));
         factory.write("bench.toml", SETUP.as_bytes())?;
@@ -95,7 +95,7 @@ struct Test {
 
 impl Test {
     fn full() -> Self {
-        let LaggedChamber { start_c, legs, .. } = LaggedChamber::domain_notes();
+        let LaggedChamber { start_c, legs, .. } = LaggedChamber::domain_notes().standard();
         Self { start_c, legs }
     }
 

@@ -1,6 +1,7 @@
 //! The planned test: as many units pass as after the full test, in less than half of its hours.
 
-use crate::hostile::planned::{FULL_HOURS, compared};
+use crate::hostile::STANDARD_HOURS;
+use crate::hostile::planned::compared;
 use crate::support::evidence::{Records, evidence, largest};
 
 #[test]
@@ -12,7 +13,7 @@ fn a_planned_test_does_what_the_full_one_does() {
 pub(crate) fn measure(study: &str, units: Records) {
     let found = compared(units);
     println!("{found:#?}");
-    let hours = found.plan.hours / FULL_HOURS;
+    let hours = found.plan.hours / STANDARD_HOURS;
     let claim = format!("{study}planned test with the prior of a lot: hours over those of the full test");
     largest(&claim, hours, "≤ 0.5", units);
     let [least, mean] = [found.odd.into_iter().fold(1.0, f64::min), found.odd.iter().sum::<f64>() / 4.0];

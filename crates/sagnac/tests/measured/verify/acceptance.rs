@@ -46,18 +46,21 @@ fn a_retest_with_a_jump_is_never_accepted() {
         let accepted = fraction(60, |seed| {
             let start = 1.5 + 9.0 * seed as f64 / 60.0;
             let jump = move |now: f64| if (start..start + hours).contains(&now) { dph } else { 0.0 };
-            let proof = judged(&unit, Bench::new(100 + seed, &usual).log_with(&jump), &limits);
+            let proof = judged(&unit, Bench::retest(100 + seed, &usual).log_with(&jump), &limits);
             // It is reported with its place and its size, too.
             let near = |at: f64| (at - start).abs() < 0.1 || (at - start - hours).abs() < 0.1;
             let found = proof.verification.axes[0].suspects.iter().any(|suspect| near(suspect.start_h));
-            assert!(found || dph < 0.25, "{dph} °/h at {start} h: {:?}", proof.verification.axes[0].suspects);
+            // A jump that fills the first ramp is an effect of that leg alone.
+            let fills_a_ramp = (1.5..1.7).contains(&start);
+            let suspects = &proof.verification.axes[0].suspects;
+            assert!(found || dph < 0.25 || fills_a_ramp, "{dph} °/h at {start} h: {suspects:?}");
             proof.passed()
         });
         evidence(claim, accepted, "≤ 0", 60);
     }
 }
 
-/// With `--exclude outliers` the bump goes out, and how much went out is judged: 20 minutes of 13 hours are 2.5 %.
+/// With `--exclude outliers` the bump goes out, and how much went out is judged: 20 minutes of 14.8 hours are 2.2 %.
 #[test]
 fn what_was_excluded_is_a_limit_of_its_own() {
     let (unit, limits) = (calibrated(), navigation());
@@ -65,21 +68,21 @@ fn what_was_excluded_is_a_limit_of_its_own() {
     let own: Limits = "sigma_over_floor_max = 1.2".parse().unwrap();
     let (mut judged, mut refused) = (0, 0);
     for seed in 0..10 {
-        let bump = |now: f64| if (6.0..6.0 + 1.0 / 3.0).contains(&now) { 2.0 } else { 0.0 };
-        let logs = || vec![Bench::new(300 + seed, &usual).log_with(&bump)];
+        let bump = |now: f64| if (12.0..12.0 + 1.0 / 3.0).contains(&now) { 2.0 } else { 0.0 };
+        let logs = || vec![Bench::retest(300 + seed, &usual).log_with(&bump)];
         for limits in [&limits, &own] {
             let found = proof(&unit, logs(), options).limits(limits).unwrap();
             let axis = &found.verification.axes[0];
             (judged, refused) = (judged + 1, refused + u32::from(!found.passed()));
             assert_eq!((found.passed(), missed(&found)), (false, vec!["excluded_max".to_owned()]));
-            assert!((axis.excluded_fraction.unwrap() - 0.025).abs() < 0.006, "{:?}", axis.excluded_fraction);
+            assert!((axis.excluded_fraction.unwrap() - 0.0225).abs() < 0.006, "{:?}", axis.excluded_fraction);
             let sigma = axis.limits.iter().find(|limit| limit.name.starts_with("sigma_")).unwrap();
             let [with, without] = [sigma.value_of_every_row, sigma.value].map(Option::unwrap);
             assert!(with > 3.0 * without, "{sigma:?}");
         }
         // A shock of one window is within what may go out.
-        let shock = |now: f64| if (6.0..6.02).contains(&now) { 2.0 } else { 0.0 };
-        let log = vec![Bench::new(300 + seed, &usual).log_with(&shock)];
+        let shock = |now: f64| if (12.0..12.02).contains(&now) { 2.0 } else { 0.0 };
+        let log = vec![Bench::retest(300 + seed, &usual).log_with(&shock)];
         let found = proof(&unit, log, options).limits(&own).unwrap();
         assert!(found.passed(), "{:?}", missed(&found));
     }
@@ -100,7 +103,7 @@ fn a_unit_off_its_calibration_is_refused() {
     ];
     for (off, claim) in cases {
         let refused = fraction(60, |seed| {
-            let mut bench = Bench::new(400 + seed, &usual);
+            let mut bench = Bench::retest(400 + seed, &usual);
             bench.bias_dph = off;
             let found = judged(&unit, bench.log(), &limits);
             let worst = found.verification.axes[0].bias_repeatability.as_ref().unwrap().worst().unwrap().clone();
@@ -115,7 +118,7 @@ fn a_unit_off_its_calibration_is_refused() {
         [(4.5, "input rate 4.5000 °/h"), (4.2, "input rate 4.5000 °/h in the calibration, 4.2000 °/h in the retest")]
     {
         let setup = Setup { input_rate_dph: Some(input_dph.into()), ..Bench::setup() };
-        let log = vec![reader(Bench::new(2, &usual).log(), &setup)];
+        let log = vec![reader(Bench::retest(2, &usual).log(), &setup)];
         let found = verify(&correction, log, &setup, VerifyOptions::default()).unwrap();
         assert_eq!(
             found.verification.axes[0].bias_repeatability.as_ref().unwrap().input_text(RateUnit::DegPerHour),
@@ -127,24 +130,24 @@ fn a_unit_off_its_calibration_is_refused() {
     setup.input_rate_dph = None;
     let blind = fit(vec![Bench::new(1, &usual).log()], &setup, "bias 3, rate 0").unwrap();
     let correction = Correction::from_calibration(blind).unwrap();
-    let log = reader(Bench::new(2, &usual).log(), &setup);
+    let log = reader(Bench::retest(2, &usual).log(), &setup);
     let found = verify(&correction, vec![log], &setup, VerifyOptions::default()).unwrap().limits(&limits).unwrap();
     let limit = found.verification.axes[0].limits.iter().find(|l| l.name == "bias_repeatability_dph_max").unwrap();
     assert!(limit.pass.is_none() && limit.why.as_ref().unwrap().contains("input rate"), "{limit:?}");
 }
 
-/// Three runs, of which the second has what each alone may not: 11 minutes of 1 °/h that are excluded on request (0.0046 of all rows, 0.014
-/// of the run's), or two hours of 1 °/h that are flagged (0.05 of all time, 0.15 of the run's).
+/// Three runs, of which the second has what each alone may not: 11 minutes of 1 °/h that are excluded on request (0.0041 of all rows, 0.012
+/// of the run's), or two hours of 1 °/h that are flagged (0.045 of all time, 0.135 of the run's).
 #[test]
 fn what_one_of_three_runs_excludes_or_misses_is_judged_by_itself() {
     let (unit, limits) = (calibrated(), navigation());
     let jump = |from_h: f64, to_h: f64| move |hours: f64| if (from_h..to_h).contains(&hours) { 1.0 } else { 0.0 };
     let logs = |seed: u64, second: Rows<3>| {
-        let [first, third] = [0, 1].map(|k| Bench::new(2 * seed + k, &usual).log());
+        let [first, third] = [0, 1].map(|k| Bench::retest(2 * seed + k, &usual).log());
         vec![first, second, third]
     };
     let excluded = fraction(20, |seed| {
-        let second = Bench::new(20_000 + seed, &usual).log_with(&jump(5.5, 5.5 + 11.0 / 60.0));
+        let second = Bench::retest(20_000 + seed, &usual).log_with(&jump(5.5, 5.5 + 11.0 / 60.0));
         let found = proof(&unit, logs(21_000 + seed, second), VerifyOptions::default().exclude_outliers(true));
         missed(&found.limits(&limits).unwrap()) == ["excluded_max"]
     });
@@ -161,7 +164,7 @@ fn what_one_of_three_runs_excludes_or_misses_is_judged_by_itself() {
         Rows { headers: [t, c, n, "valid"], rows: log.rows.into_iter().enumerate().map(row).collect() }
     };
     let hidden = fraction(20, |seed| {
-        let second = Bench::new(22_000 + seed, &usual).log_with(&jump(5.0, 7.0));
+        let second = Bench::retest(22_000 + seed, &usual).log_with(&jump(5.0, 7.0));
         let all = logs(23_000 + seed, second).into_iter().enumerate().map(with_flags).collect();
         let found = proof(&unit, all, VerifyOptions::default());
         missed(&found.limits(&limits).unwrap()).contains(&"missing_max".to_owned())
@@ -178,7 +181,7 @@ fn each_axis_of_a_log_is_held_against_its_own_input_rate() {
     let setup = Setup { input_rate_dph: None, earth: Some(earth), ..Bench::setup() };
     let log = |seed: u64, off_dph: f64| {
         let counts = |axis: usize| {
-            let mut bench = Bench::new(3 * seed + axis as u64, &usual);
+            let mut bench = Bench::retest(3 * seed + axis as u64, &usual);
             (bench.input_dph, bench.bias_dph) = (INPUT_DPH[axis], if axis == 1 { off_dph } else { 0.0 });
             bench.log().rows
         };
@@ -219,21 +222,17 @@ fn each_axis_of_a_log_is_held_against_its_own_input_rate() {
 fn the_interval_of_the_bias_difference_covers() {
     const PAIRS: Records = Records::new(300).few(30);
     let covered = fraction(PAIRS, |seed| {
-        let bench = |seed: u64| {
-            let mut bench = Bench::new(seed, &usual);
-            bench.cycles = 1;
-            bench.log()
-        };
-        let logs = (0..3).map(|k| bench(10_000 + 10 * seed + k)).collect();
+        let cycle = |k: u64| Bench { cycles: 1, ..Bench::new(10_000 + 10 * seed + k, &usual) }.log();
+        let logs = (0..3).map(cycle).collect();
         let unit = fit(logs, &Bench::setup(), "bias 3, rate 0").unwrap();
-        let found = proof(&unit, vec![bench(10_009 + 10 * seed)], VerifyOptions::default());
+        let found = proof(&unit, vec![cycle(9)], VerifyOptions::default());
         let d = found.verification.axes[0].bias_repeatability.as_ref().unwrap().worst().unwrap().difference_dph;
         d.value.abs() <= 1.96 * d.sigma
     });
     evidence("95 % interval of the bias against the calibration covers the truth", covered, "0.92 … 0.98", PAIRS);
 }
 
-/// Operating characteristic of `navigation-grade`, 20 hours of retest for the unit at half, 13 for the others. A perfect gyro, and one at half of every limit that
+/// Operating characteristic of `navigation-grade`, 20 hours of retest for the unit at half, the standard retest for the others. A perfect gyro, and one at half of every limit that
 /// can be set at once, are accepted; one at twice any limit is not. [`a_unit_off_its_calibration_is_refused`] has the bias.
 #[test]
 fn half_of_every_limit_passes_and_twice_any_is_refused() {
@@ -249,17 +248,17 @@ fn half_of_every_limit_passes_and_twice_any_is_refused() {
         println!("{name}: {accepted} accepted");
         accepted
     };
-    let perfect = accepted("perfect", 150, &|seed| Bench::new(seed, &usual).log());
+    let perfect = accepted("perfect", 150, &|seed| Bench::retest(seed, &usual).log());
     // rms over temperature 0.006 as a ripple, fixed bias 0.0175 off (0.0168, and 0.005 that flicker makes of the mean),
     // B 0.0075 and N 0.00175.
     let half = |now: Now| usual(now) + 0.006 * 2.0_f64.sqrt() * (std::f64::consts::TAU * now.celsius / 44.0).sin();
     let half = accepted("half", 300, &|seed| {
-        let mut bench = Bench::new(seed, &half);
+        let mut bench = Bench::retest(seed, &half);
         (bench.bias_dph, bench.b_dph, bench.n_deg_rt_h) = (0.0168, 0.0075, 0.00175);
-        bench.cycles = 3;
+        bench.hours = Some(20.0);
         bench.log()
     });
-    evidence("a perfect unit is accepted by `navigation-grade`, one retest of 13 h", perfect, "≥ 0.97", 150);
+    evidence("a perfect unit is accepted by `navigation-grade`, the standard retest", perfect, "≥ 0.97", 150);
     evidence(
         "a unit at half of the limits of temperature residual, bias, B and N is accepted by `navigation-grade`, 20 h",
         half,
@@ -302,7 +301,7 @@ fn half_of_every_limit_passes_and_twice_any_is_refused() {
     for (name, more, change, claim) in twice {
         let drift = move |now: Now| usual(now) + more(now);
         let passed = accepted(name, 60, &|seed| {
-            let mut bench = Bench::new(seed, &drift);
+            let mut bench = Bench::retest(seed, &drift);
             change(&mut bench);
             bench.log()
         });
@@ -320,7 +319,7 @@ fn a_sine_at_short_tau_hides_no_residual() {
     let ripple = |now: Now| strong(now) + 0.04 * 2.0_f64.sqrt() * (std::f64::consts::TAU * now.celsius / 44.0).sin();
     let accepted = fraction(60, |seed| {
         let sine = |hours: f64| 0.5 * (std::f64::consts::TAU * 36.0 * hours).sin();
-        judged(&unit, Bench::new(72_000 + seed, &ripple).log_with(&sine), &limits).passed()
+        judged(&unit, Bench::retest(72_000 + seed, &ripple).log_with(&sine), &limits).passed()
     });
     let claim =
         "a unit with a residual of twice the noise floor and a sine of 0.5 °/h and 100 s is accepted by `paper`";
@@ -336,7 +335,7 @@ fn a_stated_noise_hides_no_disturbance() {
     let accepted = |records: u64, first: u64, disturbance: &(dyn Fn(f64) -> f64 + Sync)| {
         fraction(records, |seed| {
             let correction = Correction::from_calibration(unit.clone()).unwrap();
-            let log = vec![reader(Bench::new(first + seed, &usual).log_with(disturbance), &loud)];
+            let log = vec![reader(Bench::retest(first + seed, &usual).log_with(disturbance), &loud)];
             let found = verify(&correction, log, &loud, VerifyOptions::default()).unwrap().limits(&limits).unwrap();
             assert!(found.verification.axes[0].noise_floor.as_ref().unwrap().source.ends_with("the setup states more"));
             found.passed()
@@ -365,7 +364,7 @@ fn the_set_paper_accepts_a_perfect_unit_and_refuses_a_residual_or_a_bias() {
     let unit = fit(logs, &Bench::setup(), "bias 3, rate 0").unwrap();
     let accepted = |records: u64, first: u64, drift: &(dyn Fn(Now) -> f64 + Sync), off: f64| {
         fraction(records, |seed| {
-            let mut bench = Bench::new(first + seed, drift);
+            let mut bench = Bench::retest(first + seed, drift);
             bench.bias_dph = off;
             let found = judged(&unit, bench.log(), &limits);
             let improvement = found.verification.axes[0].improvement.unwrap();
@@ -418,15 +417,15 @@ fn each_run_is_judged_alone() {
     let faults: [(&str, Fault); 3] = [
         ("rate", |now| 0.045 * now.cpm),
         ("sine", |now| 0.07 * (std::f64::consts::TAU * now.hours / 4.0).sin()),
-        ("late", |now| if now.hours > 13.0 { 0.5 } else { 0.0 }),
+        ("late", |now| if now.hours > 14.5 { 0.5 } else { 0.0 }),
     ];
     for (name, fault) in faults {
         for good in [2, 4] {
             let accepted = fraction(10, |seed| {
                 let bad = move |now: Now| usual(now) + fault(now);
                 let mut logs: Vec<Rows<3>> =
-                    (0..good).map(|k| Bench::new(5000 + 10 * seed + k, &usual).log()).collect();
-                logs.push(Bench::new(5009 + 10 * seed, &bad).log());
+                    (0..good).map(|k| Bench::retest(5000 + 10 * seed + k, &usual).log()).collect();
+                logs.push(Bench::retest(5009 + 10 * seed, &bad).log());
                 proof(&unit, logs, VerifyOptions::default()).limits(&limits).unwrap().passed()
             });
             println!("{name} in one of {} runs: {accepted} accepted", good + 1);
@@ -435,15 +434,15 @@ fn each_run_is_judged_alone() {
     }
     let opposite = fraction(10, |seed| {
         let (up, down) = (|now: Now| usual(now) + 0.045 * now.cpm, |now: Now| usual(now) - 0.045 * now.cpm);
-        let logs = vec![Bench::new(6000 + seed, &up).log(), Bench::new(6100 + seed, &down).log()];
+        let logs = vec![Bench::retest(6000 + seed, &up).log(), Bench::retest(6100 + seed, &down).log()];
         proof(&unit, logs, VerifyOptions::default()).limits(&limits).unwrap().passed()
     });
     assert_eq!(opposite, 0.0);
     let sound = fraction(20, |seed| {
-        let logs = (0..3).map(|k| Bench::new(7000 + 10 * seed + k, &usual).log()).collect();
+        let logs = (0..3).map(|k| Bench::retest(7000 + 10 * seed + k, &usual).log()).collect();
         proof(&unit, logs, VerifyOptions::default()).limits(&limits).unwrap().passed()
     });
-    evidence("`navigation-grade` accepts a sound unit in three retests of 13 h", sound, "≥ 0.95", 20);
+    evidence("`navigation-grade` accepts a sound unit in three standard retests", sound, "≥ 0.95", 20);
 }
 
 /// The rows of a log at some hours, by time.
@@ -457,10 +456,9 @@ fn rows_where(log: Rows<3>, keep: impl Fn(f64) -> bool) -> Rows<3> {
 fn hours_missing_in_a_run_are_no_step_of_the_temperature() {
     const LOGS: Records = Records::new(150).few(40);
     let drift = |now: Now| 0.02 * now.u() - 0.008 * now.u().powi(2) + 0.01 * now.u().powi(3) + 0.05 * now.lagged_cpm;
-    let bench = |seed: u64| Bench { rate_lag_s: 600.0, cycles: 3, ..Bench::new(seed, &drift) };
     let (setup, limits) = (Bench::setup(), navigation());
     let found = |seed: u64| {
-        let log = bench(8100 + seed).log();
+        let log = Bench { rate_lag_s: 600.0, cycles: 3, ..Bench::new(8100 + seed, &drift) }.log();
         let mut log = rows_where(log, |hours| !(6.9..9.4).contains(&hours));
         // In every second log the thermometer is not ready in the first row after the gap.
         let after = log.rows.iter_mut().filter(|[time_s, ..]| (9.4..9.402).contains(&(time_s / 3600.0)));
@@ -468,7 +466,8 @@ fn hours_missing_in_a_run_are_no_step_of_the_temperature() {
         let unit = fit(vec![log], &setup, "bias 3, rate 0").unwrap();
         let rate = unit.axes[0].correction.terms.last().unwrap();
         let error = (rate.value - 0.05).abs();
-        (error < 1.96 * rate.sigma.unwrap(), error < 0.005, judged(&unit, bench(8200 + seed).log(), &limits).passed())
+        let retest = Bench { rate_lag_s: 600.0, ..Bench::retest(8200 + seed, &drift) }.log();
+        (error < 1.96 * rate.sigma.unwrap(), error < 0.005, judged(&unit, retest, &limits).passed())
     };
     let found: Vec<_> = {
         use rayon::prelude::*;
@@ -499,7 +498,7 @@ fn missing_rows_are_a_limit_and_a_gap_is_none() {
     let (unit, limits) = (calibrated(), navigation());
     let accepted = |keep: &(dyn Fn(f64) -> bool + Sync)| {
         fraction(20, |seed| {
-            let log = rows_where(Bench::new(8000 + seed, &usual).log(), keep);
+            let log = rows_where(Bench::retest(8000 + seed, &usual).log(), keep);
             let found = judged(&unit, log, &limits);
             if !found.passed() {
                 println!("{seed}: {:?}", missed(&found));
@@ -509,9 +508,9 @@ fn missing_rows_are_a_limit_and_a_gap_is_none() {
     };
     let hidden = accepted(&|hours| !(1.0..2.2).contains(&hours));
     assert_eq!(hidden, 0.0, "over 5 % of the time is missing");
-    let gap = accepted(&|hours| !(2.5..2.5042).contains(&hours));
+    let gap = accepted(&|hours| !(2.0..2.0042).contains(&hours));
     evidence("`navigation-grade` accepts a sound unit with 15 s missing in a ramp", gap, "≥ 0.95", 20);
-    let in_a_ramp = accepted(&|hours| !(2.4..2.9).contains(&hours));
+    let in_a_ramp = accepted(&|hours| !(1.8..2.3).contains(&hours));
     evidence("`navigation-grade` accepts a sound unit with half an hour missing in a ramp", in_a_ramp, "≥ 0.95", 20);
     let half_an_hour = accepted(&|hours| !(0.5..1.0).contains(&hours));
     evidence("`navigation-grade` accepts a sound unit with half an hour missing in a soak", half_an_hour, "≥ 0.95", 20);
@@ -522,12 +521,13 @@ fn missing_rows_are_a_limit_and_a_gap_is_none() {
 #[test]
 fn lost_rows_are_no_steps_of_the_temperature() {
     let strong_rate = |now: Now| usual(now) + 0.25 * now.cpm;
-    let bench = |seed: u64| Bench { row_s: 10.0, b_dph: 0.002, ..Bench::new(seed, &strong_rate) };
-    let unit = fit((1..=4).map(|seed| bench(seed).log()).collect(), &Bench::setup(), "bias 3, rate 0").unwrap();
+    let noisy = |bench: Bench<'_>| Bench { row_s: 10.0, b_dph: 0.002, ..bench }.log();
+    let logs = (1..=4).map(|seed| noisy(Bench::new(seed, &strong_rate))).collect();
+    let unit = fit(logs, &Bench::setup(), "bias 3, rate 0").unwrap();
     let limits = navigation();
     let accepted = fraction(40, |seed| {
         let lost = |hours: f64| Dice::new((hours * 360.0).round() as u64 ^ (seed << 32)).uniform() < 0.03;
-        let log = rows_where(bench(8_200 + seed).log(), |hours| !lost(hours));
+        let log = rows_where(noisy(Bench::retest(8_200 + seed, &strong_rate)), |hours| !lost(hours));
         judged(&unit, log, &limits).passed()
     });
     evidence(
@@ -544,7 +544,7 @@ fn short_gaps_in_every_hour_hide_no_bias_instability() {
     let (unit, limits) = (calibrated(), navigation());
     let accepted = |records: u64, b_dph: f64| {
         fraction(records, |seed| {
-            let mut bench = Bench::new(8500 + seed, &usual);
+            let mut bench = Bench::retest(8500 + seed, &usual);
             bench.b_dph = b_dph;
             let found = judged(&unit, rows_where(bench.log(), |hours| (60.0 * hours) % 40.0 >= 50.0 / 60.0), &limits);
             if found.passed() != (b_dph == 0.0) {

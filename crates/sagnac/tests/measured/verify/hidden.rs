@@ -34,7 +34,7 @@ fn pairs_of_wrong_rows_are_noise() {
         101 => -60.0,
         _ => 0.0,
     };
-    let accepted = fraction(40, |seed| accepts(&unit, &limits, Bench::new(3_000 + seed, &usual).log_with(&pairs)));
+    let accepted = fraction(40, |seed| accepts(&unit, &limits, Bench::retest(3_000 + seed, &usual).log_with(&pairs)));
     evidence(
         "a unit with two rows of 300 arcsec in each 20 min, which cancel, is accepted by `navigation-grade`",
         accepted,
@@ -53,7 +53,7 @@ fn a_walk_that_comes_and_goes_counts() {
             let in_burst = row % 1200 < 240;
             if in_burst { 0.2277 * Dice::new(row ^ (seed << 32)).normal() } else { 0.0 }
         };
-        accepts(&unit, &limits, Bench::new(3_100 + seed, &usual).log_with(&bursts))
+        accepts(&unit, &limits, Bench::retest(3_100 + seed, &usual).log_with(&bursts))
     });
     evidence(
         "a unit with N = 0.009 °/√h for 20 of each 100 min is accepted by `navigation-grade`",
@@ -68,7 +68,7 @@ fn a_walk_that_comes_and_goes_counts() {
 fn a_ripple_over_temperature_is_seen() {
     let (unit, limits) = (calibrated(), navigation());
     let rippled = |now: Now| usual(now) + 0.034 * (std::f64::consts::TAU * now.celsius / 24.0).sin();
-    let accepted = fraction(40, |seed| accepts(&unit, &limits, Bench::new(3_200 + seed, &rippled).log()));
+    let accepted = fraction(40, |seed| accepts(&unit, &limits, Bench::retest(3_200 + seed, &rippled).log()));
     evidence(
         "a unit at twice `temperature_residual_dph_max`, a ripple each 24 °C, is accepted by `navigation-grade`",
         accepted,
@@ -86,7 +86,7 @@ fn a_rate_effect_of_one_sign_is_seen() {
         (-0.04, "a unit with −0.04 °/h for each °C/min of either sign is accepted by `navigation-grade`"),
     ] {
         let drift = move |now: Now| usual(now) + dph_per_cpm * now.cpm.abs();
-        let accepted = fraction(60, |seed| accepts(&unit, &limits, Bench::new(3_400 + seed, &drift).log()));
+        let accepted = fraction(60, |seed| accepts(&unit, &limits, Bench::retest(3_400 + seed, &drift).log()));
         evidence(claim, accepted, "≤ 0.05", 60);
     }
 }

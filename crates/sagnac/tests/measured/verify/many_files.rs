@@ -30,7 +30,7 @@ fn what_the_offsets_of_short_runs_hide_is_counted() {
     let accepted = |setup: &Setup| {
         fraction(20, |seed| {
             let correction = Correction::from_calibration(unit.clone()).unwrap();
-            let files = readers(Bench::new(50 + seed, &strong).log().chunks(720), setup);
+            let files = readers(Bench::retest(50 + seed, &strong).log().chunks(720), setup);
             let proof = verify(&correction, files, setup, VerifyOptions::default()).unwrap();
             proof.limits(&limits).unwrap().passed()
         })

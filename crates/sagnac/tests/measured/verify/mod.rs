@@ -7,4 +7,5 @@ pub(crate) mod counts;
 mod hidden;
 pub(crate) mod many_files;
 mod retest_intervals;
+mod sound;
 pub(crate) mod turned;
