@@ -380,7 +380,7 @@ fn a_test_that_has_told_enough_ends_itself() {
     let setup = "serial = \"T\"\naxis = \"z\"\narcsec_per_count = 0.15125\n[bench]\nspan_c = [-40, 69]\nlimits = \"navigation-grade\"\n";
     std::fs::write(bench.path("bench.toml"), setup).unwrap();
     let more = ["--stop-when", "met", "--calibration", "unit.cal.json", "--report", "unit.html"];
-    let ended = bench.run(&[&["--source", "replay:test.csv?speed=4000"][..], &more].concat());
+    let ended = bench.run(&[&["--source", "replay:test.csv?speed=2000"][..], &more].concat());
     assert!(ended.status.success(), "{}", text(&ended.stderr));
     assert!(text(&ended.stderr).contains("complete, and was ended"), "{}", text(&ended.stderr));
     // It soaked at the ends alone.

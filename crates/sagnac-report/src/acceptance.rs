@@ -41,7 +41,7 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
         @if !verification.untested_axes.is_empty() {
             p.note { "The retest lacks axes of the calibration: " (verification.untested_axes.iter().collect::<String>()) ". The unit is not accepted." }
         }
-        div class={ "verdict " (if accepted { "pass" } else { "fail" }) } { b.word { (word) ": " (judged.words()) (unjudged_bias(verification)) } }
+        div class={ "verdict " (if accepted { "pass" } else { "fail" }) } { b.word { (word) ": " (judged.words()) (verification.not_judged()) } }
         div.scroll { table {
             tr { td { "unit" } td.words { (verification.serial) } }
             @for (name, value) in specified(verification) { (entry(name, value.as_deref())) }
@@ -79,13 +79,6 @@ fn specified(verification: &Verification) -> [(&'static str, Option<String>); 3]
     let part: Vec<String> = stated.part.into_iter().chain(revision).collect();
     let part = (!part.is_empty()).then(|| part.join(", "));
     [("customer", stated.customer), ("part, revision", part), ("specification", stated.number)]
-}
-
-/// Says next to the verdict that the bias was not judged.
-fn unjudged_bias(verification: &Verification) -> &'static str {
-    let mut limits = verification.axes.iter().flat_map(|axis| &axis.limits);
-    let is_unjudged = limits.any(|limit| limit.name == "bias_repeatability_dph_max" && limit.pass.is_none());
-    if is_unjudged { "; the bias against the calibration is NOT judged" } else { "" }
 }
 
 /// An entry of the head; a blank line to fill in by hand by default.
@@ -280,6 +273,10 @@ pub(crate) fn residual(axis: &AxisVerification, units: RateUnit) -> Markup {
     }
     if let Some(offset) = left.ramp_offset_dph {
         rows.push(("mean of ramps less mean of soaks".to_owned(), estimate(offset), rate()));
+    }
+    if let Some(memory) = left.memory {
+        let name = format!("memory at {} °C: after heating less after cooling", celsius(memory.temperature_c));
+        rows.push((name, estimate(memory.difference_dph), rate()));
     }
     if let Some(slope) = left.temperature_slope {
         rows.push(("drift with temperature".to_owned(), estimate(slope), per("°C")));

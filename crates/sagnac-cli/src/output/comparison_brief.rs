@@ -87,7 +87,7 @@ fn changes(axis: &ComparedAxis) -> Vec<String> {
 }
 
 fn limit_line(axis: char, limit: &Verdict) -> String {
-    let mark = if limit.undecided_hours.is_some() { "open" } else { "FAIL" };
+    let mark = if limit.is_open() { "open" } else { "FAIL" };
     format!("{mark} axis {axis}: {} {}, limit {}", limit.name, limit.value_text(), significant(limit.limit, 3))
 }
 

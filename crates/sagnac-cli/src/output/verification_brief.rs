@@ -82,7 +82,11 @@ fn verdict(verification: &Verification, units: RateUnit) -> (&'static str, Tone,
     if total.not_decided > 0 {
         let hours = axes.iter().flat_map(|axis| &axis.limits).filter_map(|limit| limit.undecided_hours);
         let longest = hours.fold(0.0, f64::max);
-        let more = if longest < 1000.0 { format!("; {} more hours would", longest.ceil()) } else { String::new() };
+        let more = if longest > 0.0 && longest < 1000.0 {
+            format!("; {} more hours would", longest.ceil())
+        } else {
+            String::new()
+        };
         return (
             "NOT DECIDED",
             Tone::Open,
@@ -93,10 +97,7 @@ fn verdict(verification: &Verification, units: RateUnit) -> (&'static str, Tone,
         let missing: Vec<String> = verification.untested_axes.iter().map(char::to_string).collect();
         return not(format!("the retest has no axis {}", missing.join(", ")));
     }
-    let bias = axes.iter().flat_map(|axis| &axis.limits);
-    let blind = bias.filter(|limit| limit.name == "bias_repeatability_dph_max").any(|limit| limit.pass.is_none());
-    let blind = if blind { "; the fixed bias is NOT judged" } else { "" };
-    let met = format!("{} met{blind}", counted(asked, "limit", "limits"));
+    let met = format!("{} met{}", counted(asked, "limit", "limits"), verification.not_judged());
     match verification.training_unknown {
         true => (
             "LIMITS MET",
@@ -120,11 +121,11 @@ fn spec_of(name: &str) -> Option<&'static LimitSpec> {
 
 /// How bad a limit is over all axes: 3 not met, 2 not decided, 1 met, 0 not asked.
 fn rank(verdicts: &[&Verdict]) -> u8 {
-    let of_one = |verdict: &&Verdict| match (verdict.pass, verdict.undecided_hours) {
-        (Some(false), None) => 3,
-        (Some(false), Some(_)) => 2,
-        (Some(true), _) => 1,
-        (None, _) => 0,
+    let of_one = |verdict: &&Verdict| match verdict.pass {
+        Some(false) if !verdict.is_open() => 3,
+        Some(false) => 2,
+        Some(true) => 1,
+        None => 0,
     };
     verdicts.iter().map(of_one).max().unwrap_or(0)
 }

@@ -271,10 +271,10 @@ fn verdict(axis: &AxisVerification, verification: &Verification) -> String {
             format!("NOT ACCEPTED: an axis is not tested; {} on this one; ", judged.words())
         }
         Some(true) if verification.training_unknown => {
-            format!("{}{}, training logs unknown; ", judged.words(), unjudged_bias(axis))
+            format!("{}{}, training logs unknown; ", judged.words(), verification.not_judged())
         }
         Some(true) if judged.not_asked == 0 => "all limits met; ".to_owned(),
-        Some(true) => format!("{}{}; ", judged.words(), unjudged_bias(axis)),
+        Some(true) => format!("{}{}; ", judged.words(), verification.not_judged()),
         Some(false) if judged.not_met == 0 => format!("LIMITS NOT DECIDED: {}; ", judged.words()),
         Some(false) => "LIMITS NOT MET; ".to_owned(),
         None => String::new(),
@@ -283,12 +283,6 @@ fn verdict(axis: &AxisVerification, verification: &Verification) -> String {
         format!("σ after is {} of the noise floor", significant(axis.after.sigma_dph / floor.value_dph, 3))
     });
     format!("{judged}max − min improved {}, σ {}; {floor}", times(axis.improvement), times(axis.improvement_sigma))
-}
-
-/// Says in the first line that the bias was not judged.
-fn unjudged_bias(axis: &AxisVerification) -> &'static str {
-    let asked = axis.limits.iter().any(|limit| limit.name == "bias_repeatability_dph_max" && limit.pass.is_none());
-    if asked { " (the bias against the calibration is NOT judged)" } else { "" }
 }
 
 fn drift_values(axis: &AxisVerification, verification: &Verification, units: RateUnit) -> String {

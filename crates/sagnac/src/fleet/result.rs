@@ -113,7 +113,7 @@ impl Acceptance {
             return Self::NoLimits;
         }
         let all = || verification.axes.iter().flat_map(|axis| &axis.limits);
-        let failed = all().any(|limit| limit.pass == Some(false) && limit.undecided_hours.is_none());
+        let failed = all().any(|limit| limit.pass == Some(false) && !limit.is_open());
         match (verification.passed(), failed) {
             (true, _) => Self::Met,
             (false, false) if all().any(|limit| limit.pass == Some(false)) => Self::NotDecided,

@@ -30,6 +30,7 @@ pub use result::{AxisVerification, Coverage, REPEATED_PROFILE, RetestNoiseFloor,
 pub use values::before_after::{DriftValues, expected_range};
 pub use values::diagnostics::{GapSteps, ResidualDiagnostics};
 pub use values::judged_windows::Estimate;
+pub use values::memory::Memory;
 pub use values::rate_table::{PlateauProof, ScaleProof, ScaleValues};
 pub use values::repeatability::{BiasRepeatability, RunBias, TurnOns};
 pub use values::residual::{Plateaus, RandomWalk, RetestResidual};

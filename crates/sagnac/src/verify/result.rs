@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::{LogFile, PpmEstimate};
 use crate::verify::flight::position::PositionError;
 use crate::verify::limits::source::LimitsSource;
+use crate::verify::limits::table::MEMORY;
 use crate::verify::limits::verdict::Verdict;
 use crate::verify::values::before_after::DriftValues;
 use crate::verify::values::diagnostics::ResidualDiagnostics;
@@ -218,10 +219,33 @@ pub struct Verification {
     pub training_unknown: bool,
 }
 
+impl AxisVerification {
+    /// The temperature moved, and no limit asks whether the unit remembers it.
+    fn leaves_memory(&self) -> bool {
+        let asked = self.limits.iter().any(|limit| limit.name == MEMORY);
+        self.pass.is_some() && !self.turned && self.residual.ramps_rms_dph.is_some() && !asked
+    }
+}
+
 impl Verification {
     /// The retest's logs are known not to be those of the fit.
     pub fn is_of_other_logs(&self) -> bool {
         !self.training_unknown && self.training_overlap.is_empty()
+    }
+
+    /// Properties of the unit on which the limits or the retest are silent, in words: `; the fixed bias and memory are NOT judged`.
+    /// Empty where all are judged.
+    pub fn not_judged(&self) -> String {
+        let bias = self.axes.iter().flat_map(|axis| &axis.limits);
+        let bias = bias.filter(|limit| limit.name == "bias_repeatability_dph_max").any(|limit| limit.pass.is_none());
+        let memory = self.axes.iter().any(AxisVerification::leaves_memory);
+        match (bias, memory) {
+            (true, true) => "; the fixed bias and memory are NOT judged",
+            (true, false) => "; the fixed bias is NOT judged",
+            (false, true) => "; memory is NOT judged",
+            (false, false) => "",
+        }
+        .to_owned()
     }
 
     /// False when a limit is not met, or where limits were checked with a log of the fit.

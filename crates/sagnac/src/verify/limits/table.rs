@@ -41,6 +41,8 @@ pub enum Applies {
     WithRate,
     /// Those with soaks and with ramps.
     SoaksAndRamps,
+    /// Those at rest whose temperature moves.
+    Moving,
 }
 
 impl Bound {
@@ -65,6 +67,7 @@ impl Applies {
             Self::Excluding => "with `--exclude`",
             Self::WithRate => "with rate terms",
             Self::SoaksAndRamps => "with soaks and ramps",
+            Self::Moving => "at rest, with ramps",
         }
     }
 
@@ -85,6 +88,8 @@ impl Applies {
             Self::SoaksAndRamps => {
                 unless(axis.residual.ramp_offset_dph.is_some(), "needs 20 windows of soaks and 20 of ramps")
             }
+            Self::Moving if axis.turned => Some("needs a retest at rest".to_owned()),
+            Self::Moving => unless(axis.residual.ramps_rms_dph.is_some(), "the temperature does not move"),
             Self::WithRate => unless(axis.rate_coverage.is_some(), "the correction has no rate terms, or no record"),
         }
     }
@@ -144,6 +149,7 @@ impl LimitSpec {
         let at_c = || match self.key {
             PLATEAU_SIGMA => at_rest?.worst_sigma_temperature_c,
             PLATEAU_OFFSET => Some(at_rest?.worst_offset_temperature_c),
+            MEMORY => axis.residual.memory.map(|memory| memory.temperature_c),
             SCALE_SIGMA | SCALE_RANGE => turned()?.furthest_c(),
             ASYMMETRY => worst_plateau(axis, |plateau| plateau.asymmetry).map(|(at_c, _)| at_c),
             NONLINEARITY => worst_plateau(axis, |plateau| plateau.nonlinearity).map(|(at_c, _)| at_c),
@@ -171,7 +177,7 @@ impl LimitSpec {
         }
     }
 
-    /// The value is not known, and why: the limit is not met.
+    /// The value is not known, and why: the limit is not decided.
     pub(crate) fn unknown(&self, limit: f64, why: String) -> Verdict {
         Verdict { pass: Some(false), ..self.not_asked(limit, why) }
     }
@@ -219,7 +225,7 @@ impl LimitSpec {
 
 pub(crate) const EXCLUDED: &str = "excluded_max";
 /// Limits of the form *at most* that are of the whole retest, not of each run.
-const OF_ALL: [&str; 2] = ["turn_on_sigma_dph_max", POSITION_ERROR];
+const OF_ALL: [&str; 3] = ["turn_on_sigma_dph_max", POSITION_ERROR, MEMORY];
 /// A correction brings σ to its noise floor, and not below.
 const LEAST_OVER_FLOOR: f64 = 0.9;
 const PLATEAU_SIGMA: &str = "plateau_sigma_dph_max";
@@ -230,6 +236,8 @@ const ASYMMETRY: &str = "scale_factor_asymmetry_ppm_max";
 const NONLINEARITY: &str = "scale_factor_nonlinearity_ppm_max";
 const HYSTERESIS: &str = "scale_factor_hysteresis_ppm_max";
 pub(crate) const POSITION_ERROR: &str = "position_error_m_max";
+pub(crate) const MEMORY: &str = "memory_dph_max";
+const NO_MEMORY: &str = "no temperature was soaked from below and from above: soak at 25 °C from both sides";
 const NO_PLATEAU: &str = "no five steady windows within 1 °C of each other";
 const NO_SLOPE: &str =
     "temperature (by σ 0.3 °C) and its rate (by 0.01 °C/min) do not vary, or not apart, or in fewer than ten windows";
@@ -393,6 +401,9 @@ limits! {
     /// mean while heating less mean while cooling
     hysteresis_dph_max: "hysteresis, heating less cooling", Most, ANY, "deg/h", Always,
         |a| size(a.residual_diagnostics.hysteresis_dph), "fewer than 20 windows of heating or of cooling";
+    /// mean at rest after heating less after cooling at one temperature, each over the last hour of its soak
+    memory_dph_max: "memory, after heating less after cooling", Most, ANY, "deg/h", Moving,
+        |a| size(a.residual.memory.map(|memory| memory.difference_dph)), NO_MEMORY;
     /// σ of the scale factor over the plateaus
     scale_factor_sigma_ppm_max: "scale factor over temperature, σ", Most, ANY, "ppm", Turned,
         |a| plain(scale_of(a).map(|scale| scale.after.sigma_ppm)), NO_SCALE;

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! guarded    met: value + 1.645σ within the limit · not met: value − 1.645σ beyond it · else not decided
+//! no value   not decided, with the test that would give one
 //! hours      of retest after which ± 1.645σ would not reach across the limit: h·((1.645σ/room)² − 1), for σ falls with √h
 //! ```
 
@@ -18,7 +19,7 @@ pub struct Verdict {
     pub name: String,
     /// The limit.
     pub limit: f64,
-    /// The value; null where it cannot be had (no floor): then the limit is not met.
+    /// The value; null where it cannot be had (no floor): then the limit is not decided.
     pub value: Option<f64>,
     /// Standard error of the value, where it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -65,20 +66,25 @@ impl Verdict {
 
     /// `met`, `not met`, `not decided` or `not asked`.
     pub fn word(&self) -> &'static str {
-        match (self.pass, self.undecided_hours) {
-            (Some(true), _) => "met",
-            (Some(false), Some(_)) => "not decided",
-            (Some(false), None) => "not met",
-            (None, _) => "not asked",
+        match self.pass {
+            Some(true) => "met",
+            Some(false) if self.is_open() => "not decided",
+            Some(false) => "not met",
+            None => "not asked",
         }
+    }
+
+    /// Not decided: the guard band reaches across the limit, or such a retest has no value for it.
+    pub fn is_open(&self) -> bool {
+        self.pass == Some(false) && (self.undecided_hours.is_some() || self.value.is_none())
     }
 
     /// Not met before not decided before met and not asked.
     pub(crate) fn is_worse_than(&self, other: &Self) -> bool {
-        let rank = |verdict: &Self| match (verdict.pass, verdict.undecided_hours) {
-            (Some(false), None) => 2,
-            (Some(false), Some(_)) => 1,
-            (Some(true) | None, _) => 0,
+        let rank = |verdict: &Self| match verdict.pass {
+            Some(false) if !verdict.is_open() => 2,
+            Some(false) => 1,
+            Some(true) | None => 0,
         };
         rank(self) > rank(other)
     }
@@ -117,11 +123,11 @@ impl Judged {
     pub fn of<'a>(verdicts: impl IntoIterator<Item = &'a Verdict>) -> Self {
         let mut out = Self::default();
         for verdict in verdicts {
-            *match (verdict.pass, verdict.undecided_hours) {
-                (Some(true), _) => &mut out.met,
-                (Some(false), None) => &mut out.not_met,
-                (Some(false), Some(_)) => &mut out.not_decided,
-                (None, _) => &mut out.not_asked,
+            *match verdict.pass {
+                Some(true) => &mut out.met,
+                Some(false) if verdict.is_open() => &mut out.not_decided,
+                Some(false) => &mut out.not_met,
+                None => &mut out.not_asked,
             } += 1;
         }
         out

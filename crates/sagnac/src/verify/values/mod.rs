@@ -3,6 +3,7 @@
 pub(crate) mod before_after;
 pub(crate) mod diagnostics;
 pub(crate) mod judged_windows;
+pub(crate) mod memory;
 pub(crate) mod noise;
 pub(crate) mod of_axis;
 pub(crate) mod rate_table;

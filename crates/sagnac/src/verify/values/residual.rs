@@ -22,6 +22,7 @@ use crate::diagnostics::{Leg, WindowPoint};
 use crate::model::Span;
 use crate::rate_table::plateaus::level_stretches;
 use crate::verify::values::judged_windows::{Estimate, joined, judged, smooth_columns, smooth_order};
+use crate::verify::values::memory::{Memory, memory};
 use crate::verify::values::noise::RetestNoise;
 use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};
 
@@ -87,6 +88,9 @@ pub struct RetestResidual {
     pub ramps_rms_dph: Option<f64>,
     /// Mean of the ramps less mean of the steady windows, °/h; null where either has fewer than 20.
     pub ramp_offset_dph: Option<Estimate>,
+    /// Null where no temperature was soaked from both sides.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub memory: Option<Memory>,
     /// °/h per °C; null where the temperature does not move.
     pub temperature_slope: Option<Estimate>,
     /// °/h per °C/min; null where its rate does not.
@@ -108,6 +112,7 @@ pub(crate) fn residual(points: &[WindowPoint], noise: &RetestNoise, random_walk:
         plateaus: plateaus(&used),
         ramps_rms_dph: ramps(&used),
         ramp_offset_dph: ramp_offset(&used, noise),
+        memory: memory(&used, noise),
         temperature_slope,
         rate_slope,
         random_walk,

@@ -6,6 +6,7 @@ pub(crate) mod copies;
 pub(crate) mod counts;
 mod hidden;
 pub(crate) mod many_files;
+mod memory;
 mod retest_intervals;
 mod sound;
 pub(crate) mod turned;
