@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 use crate::calibration::{LogFile, PpmEstimate};
 use crate::verify::flight::position::PositionError;
 use crate::verify::limits::source::LimitsSource;
-use crate::verify::limits::table::MEMORY;
 use crate::verify::limits::verdict::Verdict;
 use crate::verify::values::before_after::DriftValues;
 use crate::verify::values::diagnostics::ResidualDiagnostics;
@@ -116,6 +115,9 @@ pub struct AxisVerification {
     /// It turned it about this axis.
     #[serde(default)]
     pub turned_about: bool,
+    /// About this axis, one way and the other: else an asymmetry, or a bias even in rate, passes for a scale factor.
+    #[serde(default)]
+    pub turned_both_ways: bool,
     /// The residual, value by value.
     pub residual: RetestResidual,
     /// What a stated flight comes to; null without one, or where the retest does not tell it.
@@ -222,7 +224,7 @@ pub struct Verification {
 impl AxisVerification {
     /// The temperature moved, and no limit asks whether the unit remembers it.
     fn leaves_memory(&self) -> bool {
-        let asked = self.limits.iter().any(|limit| limit.name == MEMORY);
+        let asked = self.limits.iter().any(|limit| limit.name == "memory_dph_max");
         self.pass.is_some() && !self.turned && self.residual.ramps_rms_dph.is_some() && !asked
     }
 }

@@ -71,6 +71,11 @@ impl Applies {
         }
     }
 
+    /// Scale factor and fixed bias: a table that turns one way does not part an asymmetry from them.
+    fn needs_both_ways(self) -> bool {
+        matches!(self, Self::Turned | Self::BothTurned | Self::KnownInput)
+    }
+
     /// Why a retest is not asked; `None` where it is.
     fn not_asked(self, axis: &AxisVerification) -> Option<String> {
         let unless = |holds: bool, why: &str| (!holds).then(|| why.to_owned());
@@ -135,6 +140,9 @@ impl LimitSpec {
     pub(crate) fn judge(&self, limit: f64, axis: &AxisVerification, rule: DecisionRule) -> Verdict {
         if let Some(why) = self.applies.not_asked(axis) {
             return self.not_asked(limit, why);
+        }
+        if axis.turned_about && !axis.turned_both_ways && self.applies.needs_both_ways() {
+            return self.unknown(limit, ONE_WAY.to_owned());
         }
         match (self.value)(axis).filter(|(value, _)| value.is_finite()) {
             Some(value) => self.at_plateau(axis, self.hold(limit, value, rule, axis.hours)),
@@ -236,11 +244,12 @@ const ASYMMETRY: &str = "scale_factor_asymmetry_ppm_max";
 const NONLINEARITY: &str = "scale_factor_nonlinearity_ppm_max";
 const HYSTERESIS: &str = "scale_factor_hysteresis_ppm_max";
 pub(crate) const POSITION_ERROR: &str = "position_error_m_max";
-pub(crate) const MEMORY: &str = "memory_dph_max";
+const MEMORY: &str = "memory_dph_max";
 const NO_MEMORY: &str = "no temperature was soaked from below and from above: soak at 25 °C from both sides";
 const NO_PLATEAU: &str = "no five steady windows within 1 °C of each other";
 const NO_SLOPE: &str =
     "temperature (by σ 0.3 °C) and its rate (by 0.01 °C/min) do not vary, or not apart, or in fewer than ten windows";
+const ONE_WAY: &str = "the table turned one way only: turn it both ways";
 const NO_SCALE: &str = "fewer than two plateaus have it, or over 0.38 of the temperatures lie without one between them";
 const NO_FLOOR: &str =
     "the noise floor is not known, or σ lies below it: what its rows show at short τ is no white noise";

@@ -169,6 +169,7 @@ impl Against<'_> {
             coverage: in_span.and_then(|(image, sensor)| Coverage::of(image, windows, used, sensor)),
             turned: drifts.is_turned(),
             turned_about: drifts.is_turned_about(axis),
+            turned_both_ways: drifts.is_turned_both_ways(used, axis),
             residual: residual(points, &noise, prepared.random_walk(axis)),
             flight: None,
             flight_unavailable: None,

@@ -160,6 +160,15 @@ impl<'a> PairedDrifts<'a> {
             .is_some_and(|turning| turning.along_dph.iter().any(|dph| dph.abs() > LEAST_TURN_DPH))
     }
 
+    /// A table turned the gyro about this axis in both directions.
+    pub(crate) fn is_turned_both_ways(&self, used: &[usize], axis: usize) -> bool {
+        let along = |sign: f64| {
+            let turns = |turning: &RateTableInput| used.iter().any(|i| sign * turning.along_dph[*i] > LEAST_TURN_DPH);
+            self.raw.turnings.get(axis).is_some_and(turns)
+        };
+        along(1.0) && along(-1.0)
+    }
+
     /// The scale factor of an axis before and after; `None` without two plateaus that tell it.
     pub(crate) fn scale_proof(&self, used: &[usize], axis: usize, sensor: Option<usize>) -> Option<ScaleProof> {
         let sensor = sensor?;

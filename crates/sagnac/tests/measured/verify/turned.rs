@@ -1,7 +1,7 @@
 //! Can the scale factor of a bad unit pass its limits, or a good one fail them? On a rate table that shares no code with the
 //! program.
 
-use crate::hostile::table::Table;
+use crate::hostile::table::{Row, Table};
 use crate::hostile::{Slow, fraction};
 use crate::support::evidence::{Records, evidence};
 use crate::support::rows::{Log, Rows};
@@ -9,7 +9,7 @@ use crate::support::{fit, reader};
 use sagnac::Limits;
 use sagnac::calibration::{Calibration, Plateau, PpmEstimate};
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::verify::{AxisVerification, Correction, VerifyOptions, verify};
+use sagnac::verify::{AxisVerification, Correction, Verdict, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
 use sagnac_log::ingest::LogReader;
 use sagnac_log::setup::{PerAxis, Setup, TableRun};
@@ -112,6 +112,30 @@ fn half_of_every_limit_in_ppm_passes_and_twice_any_is_refused() {
     let met =
         meets(&far, &limits, "scale_factor_ppm_max", |seed| Table { scale_ppm: 300.0, ..Table::new(6000 + seed) });
     evidence("a unit at twice `scale_factor_ppm_max` meets it", met, "≤ 0.05", 60);
+}
+
+/// A table that turns one way: an asymmetry, or a bias even in rate, passes for a scale factor.
+#[test]
+fn a_table_turned_one_way_decides_no_scale_factor() {
+    const RECORDS: Records = Records::new(100).few(10);
+    let limits: Limits = format!("{IN_PPM}\nbias_repeatability_dph_max = 0.05\n").parse().unwrap();
+    let calibrated = calibrated(10.0, 0.0);
+    let open = |asymmetry_ppm: f64, both: bool| {
+        fraction(RECORDS, |seed| {
+            let turns: fn(Row) -> f64 = if both { |row| row.part } else { |row| row.part.abs() };
+            let axis = judged(&calibrated, Table { turns, asymmetry_ppm, ..Table::new(9100 + seed) }, &limits);
+            let one_way = |limit: &Verdict| limit.is_open() && limit.why.as_deref().unwrap().contains("both ways");
+            axis.limits.iter().all(one_way)
+        })
+    };
+    for (asymmetry_ppm, claim) in [
+        (0.0, "a sound unit on a table that turns one way is left open"),
+        (20.0, "an asymmetry of 20 ppm on a table that turns one way is left open"),
+        (400.0, "an asymmetry of 400 ppm on a table that turns one way is left open"),
+    ] {
+        evidence(claim, open(asymmetry_ppm, false), "≥ 1", RECORDS);
+    }
+    evidence("a sound unit on a table that turns both ways is left open for that", open(0.0, true), "≤ 0", RECORDS);
 }
 
 const LETTERS: [char; 3] = ['x', 'y', 'z'];
