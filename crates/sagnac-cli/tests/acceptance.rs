@@ -37,7 +37,7 @@ fn every_limit_has_its_value_margin_and_verdict() {
     let axis = &object["axes"][0];
     assert_eq!((status, &axis["pass"]), (0, &Value::Bool(true)), "{}", axis["limits"]);
     let all = axis["limits"].as_array().unwrap();
-    assert_eq!(all.len(), 13);
+    assert_eq!(all.len(), 14);
     for limit in all {
         let (value, bound, margin) = (&limit["value"], &limit["limit"], &limit["margin"]);
         let (value, bound) = (value.as_f64().unwrap(), bound.as_f64().unwrap());

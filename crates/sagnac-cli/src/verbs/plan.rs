@@ -48,7 +48,7 @@ pub(crate) struct Args {
     #[arg(long, default_value_t = 0.0, value_name = "MINUTES")]
     block_lag: f64,
     /// Required probability that the unit meets the limits
-    #[arg(long, default_value_t = 0.95)]
+    #[arg(long, default_value_t = 0.97)]
     probability: f64,
     /// Share of each limit for the correction error; the rest is for the retest's noise
     #[arg(long, default_value_t = 0.5)]

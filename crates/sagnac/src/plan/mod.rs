@@ -74,9 +74,9 @@ pub struct PlanRequest {
 }
 
 impl PlanRequest {
-    /// With a probability of 0.95, half of each limit, a day at most, and windows of 100 s.
+    /// With a probability of 0.97, half of each limit, a day at most, and windows of 100 s.
     pub fn new(prior: UnitPrior, noise: Noise, limits: Limits, chamber: Chamber) -> Self {
-        let (probability, share, hours_max) = (0.95, 0.5, 24.0);
+        let (probability, share, hours_max) = (0.97, 0.5, 24.0);
         Self { prior, noise, limits, chamber, probability, share, hours_max, reference_c: None, window_s: 100.0 }
     }
 }

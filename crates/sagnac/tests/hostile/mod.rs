@@ -223,7 +223,8 @@ impl<'a> Bench<'a> {
         }
     }
 
-    /// The standard profile after so many minutes: soaks at −40, 25, 70, 25 and −40 °C, a cycle without soaks; a longer test has more of those.
+    /// The standard profile after so many minutes: soaks at −40, 25, 70, 25 and −40 °C, a cycle without soaks; in a longer test cycles
+    /// with soaks at 25 °C follow.
     pub(crate) fn standard_c(minutes: f64) -> f64 {
         match minutes {
             m if m < 90.0 => -40.0,
@@ -235,7 +236,15 @@ impl<'a> Bench<'a> {
             m if m < 515.0 => 25.0,
             m if m < 580.0 => 25.0 - (m - 515.0),
             m if m < 670.0 => -40.0,
-            m => 70.0 - ((m - 670.0) % 220.0 - 110.0).abs(),
+            m if m < 890.0 => 70.0 - (m - 780.0).abs(),
+            m => match (m - 890.0) % 400.0 {
+                m if m < 65.0 => -40.0 + m,
+                m if m < 155.0 => 25.0,
+                m if m < 200.0 => 25.0 + (m - 155.0),
+                m if m < 245.0 => 70.0 - (m - 200.0),
+                m if m < 335.0 => 25.0,
+                m => 25.0 - (m - 335.0),
+            },
         }
     }
 

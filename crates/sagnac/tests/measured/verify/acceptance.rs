@@ -96,21 +96,28 @@ fn what_was_excluded_is_a_limit_of_its_own() {
 fn a_unit_off_its_calibration_is_refused() {
     let (unit, limits) = (calibrated(), navigation());
     let cases = [
-        (-0.3, "a unit −0.3 °/h off its calibration is refused by `navigation-grade`, for this alone"),
-        (-0.05, "a unit −0.05 °/h off its calibration is refused by `navigation-grade`, for this alone"),
-        (0.05, "a unit +0.05 °/h off its calibration is refused by `navigation-grade`, for this alone"),
-        (0.3, "a unit +0.3 °/h off its calibration is refused by `navigation-grade`, for this alone"),
+        (-0.3, "a unit −0.3 °/h off its calibration is refused by `navigation-grade`"),
+        (-0.05, "a unit −0.05 °/h off its calibration is refused by `navigation-grade`"),
+        (0.05, "a unit +0.05 °/h off its calibration is refused by `navigation-grade`"),
+        (0.3, "a unit +0.3 °/h off its calibration is refused by `navigation-grade`"),
     ];
     for (off, claim) in cases {
-        let refused = fraction(60, |seed| {
-            let mut bench = Bench::retest(400 + seed, &usual);
-            bench.bias_dph = off;
-            let found = judged(&unit, bench.log(), &limits);
-            let worst = found.verification.axes[0].bias_repeatability.as_ref().unwrap().worst().unwrap().clone();
-            assert!((worst.difference_dph.value - off).abs() < 0.01, "{worst:?}");
-            missed(&found) == ["bias_repeatability_dph_max"]
-        });
+        let of_60 = |holds: fn(&[String]) -> bool| {
+            fraction(60, |seed| {
+                let mut bench = Bench::retest(400 + seed, &usual);
+                bench.bias_dph = off;
+                let found = judged(&unit, bench.log(), &limits);
+                let bias = found.verification.axes[0].bias_repeatability.as_ref().unwrap();
+                let worst = bias.worst().unwrap().clone();
+                assert!((worst.difference_dph.value - off).abs() < 0.01, "{worst:?}");
+                holds(&missed(&found))
+            })
+        };
+        let refused = of_60(|missed| missed.iter().any(|name| name == "bias_repeatability_dph_max"));
         evidence(claim, refused, "≥ 1", 60);
+        // Memory of a sound unit is left open by chance, too.
+        let alone = of_60(|missed| missed == ["bias_repeatability_dph_max"]);
+        evidence(&format!("{claim}, for its bias alone"), alone, "≥ 0.95", 60);
     }
     // Another input rate in the retest is a bias that nobody sees in the values, so that it is said.
     let correction = Correction::from_calibration(unit.clone()).unwrap();
@@ -255,12 +262,12 @@ fn half_of_every_limit_passes_and_twice_any_is_refused() {
     let half = accepted("half", 300, &|seed| {
         let mut bench = Bench::retest(seed, &half);
         (bench.bias_dph, bench.b_dph, bench.n_deg_rt_h) = (0.0168, 0.0075, 0.00175);
-        bench.hours = Some(20.0);
+        bench.hours = Some(1690.0 / 60.0);
         bench.log()
     });
     evidence("a perfect unit is accepted by `navigation-grade`, the standard retest", perfect, "≥ 0.97", 150);
     evidence(
-        "a unit at half of the limits of temperature residual, bias, B and N is accepted by `navigation-grade`, 20 h",
+        "a unit at half of the limits of temperature residual, bias, B and N is accepted by `navigation-grade`, 28 h",
         half,
         "≥ 0.97",
         300,
@@ -564,13 +571,16 @@ fn short_gaps_in_every_hour_hide_no_bias_instability() {
     );
 }
 
-/// A soak of 20 hours at 25 °C, one sweep to −40 and +70 °C, and as long at 35 °C: a mean over the windows would not see the ends.
+/// A soak of 20 hours at 25 °C, one sweep to −40 and +70 °C with a soak of 1.5 hours at 35 °C, and 18.5 hours there: a mean over the
+/// windows would not see the ends.
 fn soaked_c(minutes: f64) -> f64 {
     match minutes - 1200.0 {
         m if m < 0.0 => 25.0,
         m if m < 65.0 => 25.0 - m,
-        m if m < 175.0 => m - 105.0,
-        m => (245.0 - m).max(35.0),
+        m if m < 140.0 => m - 105.0,
+        m if m < 230.0 => 35.0,
+        m if m < 265.0 => m - 195.0,
+        m => (335.0 - m).max(35.0),
     }
 }
 
