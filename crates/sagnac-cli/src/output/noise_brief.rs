@@ -27,7 +27,6 @@ pub(crate) fn noise_brief(budget: &NoiseBudget, notes: &[(char, String)], wrote:
     let of_axes = budget.axes.iter().map(|axis| row(axis, &shown, units));
     let rows: Vec<Vec<String>> = [titles].into_iter().chain(of_axes).collect();
     let warnings = budget.warnings.iter().map(Remark::warning);
-    let at_rest = budget.at_rest.iter().map(|span| Remark::note(format!("the longest rest alone: {span}")));
     let of_rows = notes.iter().map(|(axis, text)| Remark { axes: vec![*axis], ..Remark::note(text) });
     let unresolved = budget.axes.iter().flat_map(|axis| {
         let letters = SHOWN.iter().filter(|(term, _)| matches!(axis.terms.get(*term), TermValue::Unresolved { .. }));
@@ -42,7 +41,7 @@ pub(crate) fn noise_brief(budget: &NoiseBudget, notes: &[(char, String)], wrote:
         tone: Tone::Plain,
         verdict: verdict(budget),
         body: lines_of(&rows),
-        remarks: warnings.chain(at_rest).chain(of_rows).chain(unresolved).collect(),
+        remarks: warnings.chain(of_rows).chain(unresolved).collect(),
         last: wrote.into_iter().chain(["details: -v, intervals and curve: --report noise.html".to_owned()]).collect(),
     }
 }
@@ -52,6 +51,9 @@ fn verdict(budget: &NoiseBudget) -> String {
     let Some(first) = budget.axes.first().filter(|axis| axis.rows > 0) else {
         return format!("noise of {axes}, from a bare curve");
     };
+    if let Some(span) = &budget.at_rest {
+        return format!("noise of {axes}, the longest rest alone: {span}");
+    }
     let hours = first.rows as f64 * first.sample_interval_s / 3600.0;
     let logs = if budget.inputs.len() > 1 { format!(", {} logs", budget.inputs.len()) } else { String::new() };
     format!(

@@ -176,8 +176,8 @@ const PERIODS_SAID: usize = 3;
 pub(crate) fn misfit_text(axis: &AxisBudget) -> Option<String> {
     let part = axis.misfit.filter(|part| *part >= SCATTER_SAID)?;
     Some(format!(
-        "axis {}: the curve scatters about the five terms by {} % more than chance explains (motion, steps or a wandering period; \
-         `--at-rest` uses the longest rest); the intervals of its terms include that",
+        "axis {}: the curve scatters about the five terms by {} % more than chance explains (motion, steps or a wandering period); \
+         the intervals of its terms include that",
         axis.axis,
         significant(100.0 * part, 2)
     ))
