@@ -43,7 +43,7 @@ pub const MOST_LOST_PART: f64 = 0.05;
 pub const MOST_DISTURBED_PART: f64 = 0.005;
 
 /// Where a row comes from.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct RowPlace {
     /// Number of the log, from 0.
     pub log: u32,

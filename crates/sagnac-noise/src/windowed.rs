@@ -142,15 +142,15 @@ impl WindowedCurve {
     /// behind a filter rises, too, but N explains its fall; rounding falls faster, but from the shortest τ on.
     pub fn hump(&self) -> Option<Hump> {
         let points: Vec<RawPoint> = self.all_points().collect();
-        let least = |of: &mut dyn Iterator<Item = f64>| of.reduce(f64::min);
         let over = |at: usize| {
             let RawPoint { m, variance, .. } = points[at];
-            let before = least(&mut points[..at].iter().map(|point| point.variance))?;
-            let n = least(&mut points.iter().map(|point| point.variance * point.m / m))?;
-            let b = least(&mut points.iter().map(|point| point.variance))?;
-            let k = least(&mut points.iter().map(|point| point.variance * m / point.m))?;
+            // The largest σ² here of a law ∝ 1/τᵖ that lies nowhere above these points.
+            let most = |points: &[RawPoint], power: i32| {
+                points.iter().map(|point| point.variance * (point.m / m).powi(power)).reduce(f64::min)
+            };
+            let [n, b, k] = [most(&points, 1)?, most(&points, 0)?, most(&points, -1)?];
             let hump = Hump { tau_s: m * self.tau0_s, times: (variance / (n + b + k)).sqrt() };
-            (variance >= RISE * RISE * before).then_some(hump)
+            (variance >= RISE * RISE * most(&points[..at], 0)?).then_some(hump)
         };
         let highest = (0..points.len()).filter_map(over).max_by(|a, b| a.times.total_cmp(&b.times))?;
         (highest.times >= HUMP).then_some(highest)

@@ -64,88 +64,57 @@ fn even(rates: &[f64], rows_hz: f64) -> impl Iterator<Item = (f64, f64)> + '_ {
     rates.iter().enumerate().map(move |(row, rate)| ((row + 1) as f64 / rows_hz, *rate))
 }
 
-fn filtered(dice: &mut Dice) -> Case {
-    let mut state = 0.0;
-    let plain = dice.rates(60_000, 100.0);
+/// Rates at 100 Hz, of which the picture shows the first so many.
+fn of_rates(name: &'static str, rates: &[f64], shown: usize, remedy: &'static str) -> Case {
+    Case {
+        name,
+        csv: csv(even(rates, 100.0)),
+        axes: ["time, s", "rate, °/h"],
+        points: even(&rates[..shown], 100.0).collect(),
+        remedy,
+    }
+}
+
+/// A gyro at rest whose rows have these stamps, s; the picture shows every so many of the first rows.
+fn of_stamps(
+    dice: &mut Dice,
+    name: &'static str,
+    stamp_s: fn(usize) -> f64,
+    (shown, every): (usize, usize),
+    remedy: &'static str,
+) -> Case {
+    let rates = dice.rates(40_000, 100.0);
+    Case {
+        name,
+        csv: csv(rates.iter().enumerate().map(|(row, rate)| (stamp_s(row), *rate))),
+        axes: ["row", "stamp, s"],
+        points: (0..shown).step_by(every).map(|row| (row as f64, stamp_s(row))).collect(),
+        remedy,
+    }
+}
+
+fn filtered(dice: &mut Dice) -> Vec<f64> {
+    let (plain, mut state) = (dice.rates(60_000, 100.0), 0.0);
     let behind = plain.iter().map(|rate| {
         state += 0.3 * (rate - state);
         state
     });
-    let behind: Vec<f64> = behind.collect();
-    Case {
-        name: "a filter",
-        csv: csv(even(&behind, 100.0)),
-        axes: ["time, s", "rate, °/h"],
-        points: even(&behind[..200], 100.0).collect(),
-        remedy: "nothing: N is right; switch the filter off to see Q",
-    }
+    behind.collect()
 }
 
-fn repeated(dice: &mut Dice) -> Case {
-    let slow = dice.rates(15_000, 25.0);
-    let rates: Vec<f64> = slow.iter().flat_map(|rate| [*rate; 4]).collect();
-    Case {
-        name: "each value four times",
-        csv: csv(even(&rates, 100.0)),
-        axes: ["time, s", "rate, °/h"],
-        points: even(&rates[..80], 100.0).collect(),
-        remedy: "nothing: N is right; log at the sensor's rate",
-    }
-}
-
-fn packets(dice: &mut Dice) -> Case {
-    let rates = dice.rates(40_000, 100.0);
-    let stamp = |row: usize| (row / 4 + 1) as f64 * 0.04;
-    Case {
-        name: "packets",
-        csv: csv(rates.iter().enumerate().map(|(row, rate)| (stamp(row), *rate))),
-        axes: ["row", "stamp, s"],
-        points: (0..40).map(|row| (f64::from(row), stamp(row as usize))).collect(),
-        remedy: "nothing",
-    }
-}
-
-fn bursts(dice: &mut Dice) -> Case {
-    let rates = dice.rates(20_000, 100.0);
-    let stamp = |row: usize| (row / 5) as f64 * 0.078 + (row % 5) as f64 * 0.002;
-    Case {
-        name: "bursts",
-        csv: csv(rates.iter().enumerate().map(|(row, rate)| (stamp(row), *rate))),
-        axes: ["row", "stamp, s"],
-        points: (0..40).map(|row| (f64::from(row), stamp(row as usize))).collect(),
-        remedy: "give the interval that is true",
-    }
-}
-
-fn restart(dice: &mut Dice) -> Case {
-    let rates = dice.rates(40_000, 100.0);
-    let stamp = |row: usize| ((row % 25_000) + 1) as f64 * 0.01;
-    Case {
-        name: "a restart",
-        csv: csv(rates.iter().enumerate().map(|(row, rate)| (stamp(row), *rate))),
-        axes: ["row", "stamp, s"],
-        points: (0..40_000).step_by(200).map(|row| (row as f64, stamp(row))).collect(),
-        remedy: "nothing: each part is a run",
-    }
-}
-
-fn motion(dice: &mut Dice) -> Case {
+/// A hand moves the gyro for a minute.
+fn moved(dice: &mut Dice) -> Vec<f64> {
     let mut rates = dice.rates(40_000, 100.0);
-    let mut moved = 0.0;
+    let mut motion = 0.0;
     for rate in &mut rates[10_000..16_000] {
-        moved = 0.95 * moved + 8000.0 * dice.normal();
-        *rate += moved;
+        motion = 0.95 * motion + 8000.0 * dice.normal();
+        *rate += motion;
     }
-    Case {
-        name: "motion",
-        csv: csv(even(&rates, 100.0)),
-        axes: ["time, s", "rate, °/h"],
-        points: even(&rates, 100.0).collect(),
-        remedy: "`sagnac allan --at-rest`",
-    }
+    rates
 }
 
-fn vibration(dice: &mut Dice) -> Case {
+/// A narrow band of motion, about 1 Hz.
+fn swinging(dice: &mut Dice) -> Vec<f64> {
     let (mut phase, mut size) = (0.0, 1.0);
     let still = dice.rates(20_000, 100.0);
     let rates = still.iter().map(|rate| {
@@ -153,37 +122,20 @@ fn vibration(dice: &mut Dice) -> Case {
         size += 0.02 * (1.0 - size + dice.normal());
         rate + 40_000.0 * size * f64::sin(phase)
     });
-    let rates: Vec<f64> = rates.collect();
-    Case {
-        name: "motion throughout",
-        csv: csv(even(&rates, 100.0)),
-        axes: ["time, s", "rate, °/h"],
-        points: even(&rates[..600], 100.0).collect(),
-        remedy: "put the gyro at rest",
-    }
+    rates.collect()
 }
 
-fn clipped(dice: &mut Dice) -> Case {
-    let rates: Vec<f64> = dice.rates(20_000, 100.0).iter().map(|rate| (4.0 * rate).clamp(-1500.0, 1500.0)).collect();
-    Case {
-        name: "full scale",
-        csv: csv(even(&rates, 100.0)),
-        axes: ["time, s", "rate, °/h"],
-        points: even(&rates[..300], 100.0).collect(),
-        remedy: "choose a wider range of the sensor",
-    }
+fn clipped(dice: &mut Dice) -> Vec<f64> {
+    dice.rates(20_000, 100.0).iter().map(|rate| (4.0 * rate).clamp(-1500.0, 1500.0)).collect()
 }
 
+/// Codes of 16 bits without a sign, read as °/s.
 fn codes(dice: &mut Dice) -> Case {
     let code = |rate: f64| if rate < 0.0 { rate + 65_536.0 } else { rate };
     let rates: Vec<f64> = dice.rates(20_000, 100.0).iter().map(|rate| 3600.0 * code((rate / 10.0).round())).collect();
-    Case {
-        name: "unsigned 16 bits",
-        csv: csv(even(&rates, 100.0)),
-        axes: ["time, s", "rate, °/s"],
-        points: even(&rates[..100], 100.0).map(|(time_s, dph)| (time_s, dph / 3600.0)).collect(),
-        remedy: "subtract 65,536 from codes above 32,767",
-    }
+    let case = of_rates("unsigned 16 bits", &rates, 100, "subtract 65,536 from codes above 32,767");
+    let points = case.points.iter().map(|(time_s, dph)| (*time_s, dph / 3600.0)).collect();
+    Case { axes: ["time, s", "rate, °/s"], points, ..case }
 }
 
 /// A chamber log with a thermometer: °C of a time in s.
@@ -200,18 +152,22 @@ fn chamber(dice: &mut Dice, celsius: impl Fn(f64) -> f64, name: &'static str, re
 
 fn cases(dice: &mut Dice) -> Vec<Case> {
     let cycle = |s: f64| 20.0 + 25.0 * (1.0 - (s / 3600.0 - 1.0).abs());
+    let fourfold: Vec<f64> = dice.rates(15_000, 25.0).iter().flat_map(|rate| [*rate; 4]).collect();
+    let packets = |row: usize| (row / 4 + 1) as f64 * 0.04;
+    let bursts = |row: usize| (row / 5) as f64 * 0.078 + (row % 5) as f64 * 0.002;
+    let restart = |row: usize| ((row % 25_000) + 1) as f64 * 0.01;
     vec![
         chamber(dice, cycle, "a good cycle", "`sagnac calibrate`"),
         chamber(dice, |s| 20.0 + 25.0 * s / 7200.0, "it only heats", "cool as well"),
         chamber(dice, |s| 22.0 + 0.5 * (s / 900.0).sin(), "a room", "a chamber; noise terms need none"),
-        filtered(dice),
-        repeated(dice),
-        packets(dice),
-        bursts(dice),
-        restart(dice),
-        motion(dice),
-        vibration(dice),
-        clipped(dice),
+        of_rates("a filter", &filtered(dice), 200, "nothing: N is right; switch the filter off to see Q"),
+        of_rates("each value four times", &fourfold, 80, "nothing: N is right; log at the sensor's rate"),
+        of_stamps(dice, "packets", packets, (40, 1), "nothing"),
+        of_stamps(dice, "bursts", bursts, (40, 1), "give the interval that is true"),
+        of_stamps(dice, "a restart", restart, (40_000, 200), "nothing: each part is a run"),
+        of_rates("motion", &moved(dice), 40_000, "`sagnac allan --at-rest`"),
+        of_rates("motion throughout", &swinging(dice), 600, "put the gyro at rest"),
+        of_rates("full scale", &clipped(dice), 300, "choose a wider range of the sensor"),
         codes(dice),
     ]
 }

@@ -85,8 +85,11 @@ pub fn noise_budget<'a>(
     }
     let tau0_s = s_from_ns(shape.nominal_ns);
     let first = match again {
-        Some(again) if request.detrend || request.at_rest => Some(WindowBuilder::read_all(again, setup)?.finish()),
-        _ => None,
+        Some(again) => Some(WindowBuilder::read_all(again, setup)?.finish()),
+        None if request.detrend || request.at_rest => {
+            return Err(Error::defect("the logs were not opened a second time"));
+        }
+        None => None,
     };
     let at_rest = first.as_ref().filter(|_| request.at_rest).map(longest_rest).transpose()?;
     let drifts = first.filter(|_| request.detrend).map(|windows| RampDrift::of(windows, setup)).transpose()?;

@@ -10,7 +10,7 @@ use sagnac_log::ingest::Reason;
 use sagnac_units::s_from_ns;
 
 /// Windows whose temperature moves slower than this are neither heating nor cooling, °C/min.
-const STEADY_CPM: f64 = 0.05;
+pub(crate) const STEADY_CPM: f64 = 0.05;
 
 /// Whether a window's temperature rises or falls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use serde::Serialize;
 
 use super::passes::REST_H;
+use crate::diagnostics::STEADY_CPM;
 use crate::fit::UnitPrior;
 use crate::model::COMMON_SPAN;
 use crate::model::basis::chebyshev;
@@ -16,8 +17,6 @@ const ROWS: f64 = 5.0;
 const SAME_HOURS: f64 = 1e-9;
 /// Where the rest in mid-span is, if the span allows it, °C.
 const ROOM_C: f64 = 25.0;
-/// A block below this rate stands still, °C/min.
-const STEADY_CPM: f64 = 0.05;
 
 /// What a chamber can do.
 #[derive(Clone, Debug, PartialEq)]
@@ -75,13 +74,13 @@ pub struct ProfileStep {
 
 /// The rest in mid-span, which every test reaches after heating and after cooling: nothing else shows a memory of the direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Rest {
+struct MidSpanRest {
     at_c: f64,
     /// Shortest soak there, min.
     soak_min: f64,
 }
 
-impl Rest {
+impl MidSpanRest {
     /// At the temperature nearest to [`ROOM_C`] in the middle half of a span, until the block has stood still for [`REST_H`].
     fn of([lo, hi]: [f64; 2], chamber: &Chamber, rate_cpm: f64) -> Self {
         let quarter = (hi - lo) / 4.0;
@@ -99,7 +98,7 @@ impl Rest {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Profile {
     pub(super) steps: Vec<ProfileStep>,
-    rest: Rest,
+    rest: MidSpanRest,
 }
 
 /// Every test of up to so many hours, the shortest first.
@@ -114,7 +113,7 @@ pub(super) fn candidates(
     let [lo, hi] = prior.span_c.map(f64::round);
     let mut all: Vec<Profile> = Vec::new();
     for rate_cpm in &chamber.rates_cpm {
-        let rest = Rest::of([lo, hi], chamber, *rate_cpm);
+        let rest = MidSpanRest::of([lo, hi], chamber, *rate_cpm);
         for route in routes([lo, hi], rest.at_c, chamber.start_c) {
             for plateaus in plateaus {
                 let one =
@@ -156,7 +155,7 @@ fn routes([lo, hi]: [f64; 2], rest_c: f64, start_c: f64) -> Vec<Vec<f64>> {
 
 impl Profile {
     /// Along some temperatures, with so many plateaus on the way to each, each with the same soak; that of the rest is no shorter than it must be.
-    fn along(start: f64, route: &[f64], rest: Rest, rate_cpm: f64, plateaus: usize, soak_min: f64) -> Self {
+    fn along(start: f64, route: &[f64], rest: MidSpanRest, rate_cpm: f64, plateaus: usize, soak_min: f64) -> Self {
         let mut steps: Vec<ProfileStep> = Vec::new();
         let mut from = start;
         for to in route {
@@ -281,8 +280,8 @@ mod tests {
     #[test]
     fn a_profile_is_what_the_chamber_does() {
         let chamber = Chamber::new(20.0, vec![1.0]);
-        let rest = Rest::of([-40.0, 70.0], &chamber, 1.0);
-        assert_eq!(rest, Rest { at_c: 25.0, soak_min: 15.0 });
+        let rest = MidSpanRest::of([-40.0, 70.0], &chamber, 1.0);
+        assert_eq!(rest, MidSpanRest { at_c: 25.0, soak_min: 15.0 });
         let profile = Profile::along(20.0, &[-40.0, 70.0], rest, 1.0, 1, 30.0);
         assert_eq!(profile.steps.iter().map(|step| step.to_c).collect::<Vec<_>>(), [-10.0, -40.0, 15.0, 70.0]);
         assert!((profile.hours(&chamber) - (60.0 + 110.0 + 4.0 * 30.0) / 60.0).abs() < 1e-12);
@@ -295,15 +294,16 @@ mod tests {
         assert_eq!(shorter.steps[1].soak_min, 0.0);
         assert_eq!(shorter.shortened(1, 5.0), None);
     }
+
     #[test]
     fn every_test_rests_in_mid_span_after_heating_and_after_cooling() {
         let mut chamber = Chamber { block_lag_min: 20.0, ..Chamber::new(20.0, vec![1.0]) };
-        assert_eq!(Rest::of([-40.0, 70.0], &chamber, 1.0), Rest { at_c: 25.0, soak_min: 75.0 });
-        assert_eq!(Rest::of([-10.0, 30.0], &chamber, 0.05), Rest { at_c: 20.0, soak_min: 15.0 });
+        assert_eq!(MidSpanRest::of([-40.0, 70.0], &chamber, 1.0), MidSpanRest { at_c: 25.0, soak_min: 75.0 });
+        assert_eq!(MidSpanRest::of([-10.0, 30.0], &chamber, 0.05), MidSpanRest { at_c: 20.0, soak_min: 15.0 });
         for start_c in [-40.0, 0.0, 20.0, 25.0, 50.0, 70.0] {
             chamber.start_c = start_c;
             for route in routes([-40.0, 70.0], 25.0, start_c) {
-                let rest = Rest::of([-40.0, 70.0], &chamber, 1.0);
+                let rest = MidSpanRest::of([-40.0, 70.0], &chamber, 1.0);
                 let mut profile = Profile::along(start_c, &route, rest, 1.0, 1, 0.0);
                 for step in 0..profile.steps.len() {
                     while let Some(shorter) = profile.shortened(step, 25.0) {

@@ -160,7 +160,7 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
     };
     let axes: Vec<AxisSurvey> = windows.shape.axes.iter().enumerate().map(axis).collect();
     let (moves, at_rest) = motion(windows);
-    let (good_for, reason) = match (&tried, noise(windows, setup)) {
+    let (good_for, reason) = match (&tried, noise(windows, setup, &measured)) {
         _ if too_fast(windows).is_some() => (GoodFor::Nothing, too_fast(windows)),
         (Ok(_), _) => (GoodFor::Calibration, None),
         _ if moves.is_some() && at_rest.is_none() => (GoodFor::Nothing, moves.clone()),
@@ -295,7 +295,7 @@ fn motion(windows: &Windows) -> (Option<String>, Option<RestSpan>) {
 }
 
 /// Whether the rows show noise.
-fn noise(windows: &Windows, setup: &Setup) -> std::result::Result<(), String> {
+fn noise(windows: &Windows, setup: &Setup, measured: &[Option<MeasuredNoise>]) -> std::result::Result<(), String> {
     let rows: u64 = windows.runs.iter().flat_map(|run| &run.files).map(|file| file.summary.rows).sum();
     if rows < FEWEST_ROWS {
         return Err(format!("{rows} rows are too few for noise terms: {FEWEST_ROWS} are needed"));
@@ -305,7 +305,7 @@ fn noise(windows: &Windows, setup: &Setup) -> std::result::Result<(), String> {
     }
     // Without a time there is a window for each row.
     let varies = |axis: usize| windows.rows.angle[axis].windows(2).any(|pair| pair[0] != pair[1]);
-    let is_shown = |axis: usize| windows.measured_noise(axis).is_some() || !windows.shape.timed && varies(axis);
+    let is_shown = |axis: usize| measured[axis].is_some() || !windows.shape.timed && varies(axis);
     let shows = (0..windows.shape.axes.len()).any(is_shown);
     if shows { Ok(()) } else { Err("the counts contain no noise".to_owned()) }
 }

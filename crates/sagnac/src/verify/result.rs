@@ -237,7 +237,7 @@ impl Verification {
 
     /// Properties of the unit on which the limits or the retest are silent, in words: `; the fixed bias and memory are NOT judged`.
     /// Empty where all are judged.
-    pub fn not_judged(&self) -> String {
+    pub fn not_judged(&self) -> &'static str {
         let bias = self.axes.iter().flat_map(|axis| &axis.limits);
         let bias = bias.filter(|limit| limit.name == "bias_repeatability_dph_max").any(|limit| limit.pass.is_none());
         let memory = self.axes.iter().any(AxisVerification::leaves_memory);
@@ -247,7 +247,6 @@ impl Verification {
             (false, true) => "; memory is NOT judged",
             (false, false) => "",
         }
-        .to_owned()
     }
 
     /// False when a limit is not met, or where limits were checked with a log of the fit.

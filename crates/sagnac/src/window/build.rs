@@ -175,10 +175,10 @@ impl WindowBuilder {
         })
     }
 
-    /// Keeps no tracks: only a fit needs them.
+    /// Keeps no tracks, which only a fit needs, and looks for no rest.
     #[must_use]
     pub(crate) fn without_tracks(self) -> Self {
-        Self { tracks: 0, ..self }
+        Self { tracks: 0, rest: None, ..self }
     }
 
     /// Reads whole logs, each opened when the one before is read. A log that goes on where the one before ends goes on with its run ([`RunDivision`]).

@@ -11,6 +11,7 @@
 //! table turns at one even rate.
 
 use sagnac_log::ingest::{Batch, LogShape};
+use sagnac_noise::RowPlace;
 use sagnac_units::format::significant;
 use sagnac_units::s_from_ns;
 use serde::Serialize;
@@ -29,9 +30,6 @@ const MOVING: f64 = 100.0;
 /// Blocks in a row that are motion; fewer quiet ones between two of them are no rest.
 const TOGETHER: usize = 3;
 
-/// A row by its log and its line.
-type Row = (u32, u64);
-
 /// Part of a record without motion.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RestSpan {
@@ -45,9 +43,9 @@ pub struct RestSpan {
     pub last_line: u64,
     /// Length, s.
     pub length_s: f64,
-    /// First and last row; logs are counted from 0.
+    /// First and last row.
     #[serde(skip)]
-    rows: [Row; 2],
+    rows: [RowPlace; 2],
 }
 
 impl std::fmt::Display for RestSpan {
@@ -70,8 +68,9 @@ impl RestSpan {
     /// The rows of a batch of this log that lie in it.
     pub(crate) fn rows_of(&self, log: u32, batch: &Batch) -> std::ops::Range<usize> {
         let [first, last] = self.rows;
-        let before = batch.line.partition_point(|line| (log, *line) < first);
-        before..batch.line.partition_point(|line| (log, *line) <= last)
+        let place = |line: &u64| RowPlace { log, line: *line };
+        let before = batch.line.partition_point(|line| place(line) < first);
+        before..batch.line.partition_point(|line| place(line) <= last)
     }
 }
 
@@ -91,7 +90,7 @@ pub struct Rest {
 struct Block {
     run: u32,
     length_ns: i64,
-    rows: [Row; 2],
+    rows: [RowPlace; 2],
 }
 
 /// The block that is being read.
@@ -144,7 +143,7 @@ impl RestWatch {
     }
 
     fn row(&mut self, batch: &Batch, row: usize, length_ns: i64) {
-        let place = (self.files.len() as u32, batch.line[row]);
+        let place = RowPlace { log: self.files.len() as u32, line: batch.line[row] };
         let block = Block { run: self.run, length_ns: 0, rows: [place; 2] };
         let values = || batch.angle.iter().map(|column| column[row]);
         let open = self.open.get_or_insert_with(|| OpenBlock {
@@ -245,8 +244,9 @@ impl RestWatch {
         let name = |log: u32| self.files.get(log as usize).cloned().unwrap_or_default();
         let span = |(length_s, blocks): (f64, &[Block])| {
             let rows = [blocks.first()?.rows[0], blocks.last()?.rows[1]];
-            let [(log, first_line), (last_log, last_line)] = rows;
-            Some(RestSpan { file: name(log), first_line, last_file: name(last_log), last_line, length_s, rows })
+            let [file, last_file] = rows.map(|row| name(row.log));
+            let [first_line, last_line] = rows.map(|row| row.line);
+            Some(RestSpan { file, first_line, last_file, last_line, length_s, rows })
         };
         Some(Rest {
             moving_s: s_from_ns(moving.map(|(block, _)| block.length_ns).sum()),

@@ -8,6 +8,8 @@
 //! On ramps, memory and an effect of the temperature rate look alike; at rest only memory is left. So no retest without such a pair can
 //! show it. Standard error by the noise of the windows, slow noise too ([`super::noise`]).
 //!
+//! A soak whose temperature was passed by more than that and come back to has no side.
+//!
 //! Fails where the play is wider than the way from which a soak is reached, and for memory that a soak of an hour forgets.
 
 use serde::{Deserialize, Serialize};
@@ -70,7 +72,8 @@ pub(crate) fn memory(used: &[&WindowPoint], noise: &RetestNoise) -> Option<Memor
 
 /// Soaks with the side from which they were reached.
 fn soaks(used: &[&WindowPoint]) -> Vec<Soak> {
-    let is_steady = |at: &usize| used[*at].leg() == Leg::Steady && used[*at].temperature_c.is_finite();
+    let is_known = |point: &WindowPoint| point.temperature_c.is_finite() && point.rate_cpm.is_finite();
+    let is_steady = |at: &usize| used[*at].leg() == Leg::Steady && is_known(used[*at]);
     let steady: Vec<usize> = (0..used.len()).filter(is_steady).collect();
     let stretches = level_stretches(steady.iter().map(|at| (used[*at].run, used[*at].temperature_c)));
     let soak = |stretch: std::ops::Range<usize>| {
@@ -79,9 +82,46 @@ fn soaks(used: &[&WindowPoint]) -> Vec<Soak> {
         let windows: Vec<usize> = all.iter().copied().filter(|at| used[*at].hours > last.hours - LAST_H).collect();
         let temperature_c = windows.iter().map(|at| used[*at].temperature_c).sum::<f64>() / windows.len() as f64;
         let before = used[..*all.first()?].iter().rev().take_while(|point| point.run == first.run);
-        let from_c = before.map(|point| point.temperature_c).find(|c| (c - temperature_c).abs() >= LEAST_WAY_C)?;
-        let after = if from_c < temperature_c { Leg::Heating } else { Leg::Cooling };
+        let after = side(before.map(|point| point.temperature_c - temperature_c))?;
         (windows.len() >= FEWEST).then_some(Soak { run: first.run, temperature_c, after, windows })
     };
     stretches.into_iter().filter_map(soak).collect()
+}
+
+/// The side from which a soak was reached, by the distances of the windows before it, the last one first. A way that overshoots turns
+/// friction over and has no side.
+fn side(mut before_c: impl Iterator<Item = f64>) -> Option<Leg> {
+    let (mut lowest, mut highest) = (0.0_f64, 0.0_f64);
+    let from_c = before_c.find(|away_c| {
+        let is_far = away_c.abs() >= LEAST_WAY_C;
+        if !is_far {
+            (lowest, highest) = (lowest.min(*away_c), highest.max(*away_c));
+        }
+        is_far
+    })?;
+    match from_c < 0.0 {
+        true => (highest <= REACH_C).then_some(Leg::Heating),
+        false => (lowest >= -REACH_C).then_some(Leg::Cooling),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The way to 25 °C, in its order.
+    fn reached(way_c: &[f64]) -> Option<Leg> {
+        side(way_c.iter().rev().map(|celsius| celsius - 25.0))
+    }
+
+    #[test]
+    fn a_soak_has_the_side_of_its_last_way() {
+        assert_eq!(reached(&[-40.0, 0.0, 20.0, 24.5]), Some(Leg::Heating));
+        assert_eq!(reached(&[-40.0, 70.0, 30.0, 26.0]), Some(Leg::Cooling));
+        // Through it, and back by less than the way that counts.
+        assert_eq!(reached(&[70.0, 40.0, 20.0, 24.0]), None);
+        assert_eq!(reached(&[-40.0, 20.0, 31.0, 26.0]), None);
+        assert_eq!(reached(&[-40.0, 20.0, 26.5, 25.5]), Some(Leg::Heating));
+        assert_eq!(reached(&[20.0, 24.0]), None);
+    }
 }
