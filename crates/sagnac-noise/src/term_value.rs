@@ -117,6 +117,15 @@ impl Terms {
         Self::from_each(|_| TermValue::Unresolved { unresolved: why.to_owned() })
     }
 
+    /// Without the values that were found, for one reason. Bounds of the others stay.
+    #[must_use]
+    pub fn withheld(&self, why: &str) -> Self {
+        Self::from_each(|term| match self.get(term) {
+            TermValue::Found { .. } => TermValue::Unresolved { unresolved: why.to_owned() },
+            unresolved => unresolved.clone(),
+        })
+    }
+
     pub(crate) fn from_each(mut value: impl FnMut(AllanTerm) -> TermValue) -> Self {
         Self {
             q_arcsec: value(AllanTerm::Quantization),

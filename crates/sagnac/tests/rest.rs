@@ -80,6 +80,16 @@ fn the_longest_rest_is_found_and_used() {
         let off_s = rest.length_s - longest as f64 / ROWS_HZ;
         assert!((-4.0..=0.0).contains(&off_s), "seed {seed}: {off_s} s of {rest}");
         assert!(found.cautions.iter().any(|caution| caution.starts_with("not at rest")), "seed {seed}");
+        // Without the flag nothing is claimed of the motion.
+        let moving = noise_budget(
+            vec![reader(bytes.clone(), &Setup::default())],
+            None,
+            &Setup::default(),
+            &Request::new(Taus::Octaves),
+        );
+        let moving = moving.unwrap();
+        assert!(moving.warnings[0].starts_with("not at rest"), "seed {seed}: {:?}", moving.warnings);
+        assert!(matches!(moving.axes[0].terms.n_deg_rt_h, TermValue::Unresolved { .. }), "seed {seed}");
         let budget = at_rest(&bytes);
         assert_eq!(budget.at_rest, found.at_rest);
         let used_s = budget.axes[0].rows as f64 / ROWS_HZ;

@@ -6,8 +6,8 @@ use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{AngleUnit, Batch, Bridge, LogShape, Logs, Tallies, Tally, same_shape};
 use sagnac_log::setup::Setup;
 use sagnac_noise::{
-    AxisBudget, HELD_PHASES, MOST_ROWS, MOST_TAUS, Period, RecordUnit, RowPlace, Screen, Screened, TauError, Taus,
-    budget_of_screened, differences, served,
+    AxisBudget, HELD_PHASES, MOST_DISTURBED_PART, MOST_ROWS, MOST_TAUS, Period, RecordUnit, RowPlace, Screen, Screened,
+    TauError, Taus, budget_of_screened, differences, served,
 };
 use sagnac_units::format::significant;
 use sagnac_units::s_from_ns;
@@ -16,7 +16,7 @@ use serde::Serialize;
 use crate::allan::ramp::{RampDrift, RampWatch};
 use crate::calibration::{LogFile, program};
 use crate::rate_table::input::SAME_RATE;
-use crate::window::{RestSpan, WindowBuilder, Windows};
+use crate::window::{Rest, RestSpan, RestWatch, WindowBuilder, Windows};
 
 /// What is asked for.
 #[derive(Clone, Debug, PartialEq)]
@@ -94,7 +94,10 @@ pub fn noise_budget<'a>(
     let at_rest = first.as_ref().filter(|_| request.at_rest).map(longest_rest).transpose()?;
     let drifts = first.filter(|_| request.detrend).map(|windows| RampDrift::of(windows, setup)).transpose()?;
     let shown = request.taus.multiples(tau0_s).map_err(bad_tau)?;
-    let mut reading = Reading { at_rest, ..Reading::new(&shape, &shown, request.exact) };
+    let mut reading = Reading::new(&shape, &shown, request.exact);
+    if at_rest.is_some() {
+        (reading.at_rest, reading.rest) = (at_rest, None);
+    }
     let share = setup.memory.tracks() + setup.memory.windows();
     let most_exact_rows = usize::try_from(share).unwrap_or(usize::MAX) / (EXACT_ROW_BYTES * shape.axes.len().max(1));
     let mut rows = 0;
@@ -186,6 +189,15 @@ pub(crate) fn misfit_text(axis: &AxisBudget) -> Option<String> {
     ))
 }
 
+/// What to do with a record that moves.
+const NO_NOISE: &str = "so that its curve is no noise: `--at-rest` uses the longest rest";
+
+/// Claims no term of the curve of a motion.
+fn withhold(axis: &mut AxisBudget) {
+    axis.terms = axis.terms.withheld("the record is not at rest");
+    axis.fitted = None;
+}
+
 /// Where the five laws begin, in words; `None` where they hold at all τ.
 fn law_range_text(axis: &AxisBudget) -> Option<String> {
     let range = axis.law_range?;
@@ -252,6 +264,8 @@ struct Reading {
     detrended: bool,
     /// Rows outside of it are not used.
     at_rest: Option<RestSpan>,
+    /// Motion of all rows of a log with a clock.
+    rest: Option<RestWatch>,
     /// Lowest and highest rate of a table, °/s.
     table_dps: [f64; 2],
     /// Angles without the drift, to be used again.
@@ -278,6 +292,7 @@ impl Reading {
             thermometers: shape.thermometers.len(),
             detrended: false,
             at_rest: None,
+            rest: (shape.timed && !shape.has_reference).then(|| RestWatch::new(shape)),
             table_dps: [f64::INFINITY, f64::NEG_INFINITY],
             angles: Vec::new(),
         }
@@ -290,6 +305,9 @@ impl Reading {
         }
         if batch.begins_run {
             self.end_run();
+        }
+        if let Some(rest) = &mut self.rest {
+            rest.push(batch);
         }
         let Some(drift) = drift else { return self.pieces(batch, &batch.angle, None) };
         let mut angles = std::mem::take(&mut self.angles);
@@ -390,6 +408,7 @@ impl Reading {
 
     fn end_run(&mut self) {
         self.screens.iter_mut().for_each(Screen::end_run);
+        self.rest.iter_mut().for_each(RestWatch::end_run);
         self.last_end_ns = None;
         let watches = std::mem::replace(&mut self.watches, vec![RampWatch::default(); self.thermometers]);
         self.warnings.extend(watches.into_iter().find_map(RampWatch::verdict));
@@ -439,7 +458,14 @@ impl Reading {
             let asked = |m: usize| m <= limit && shown.iter().any(|asked| shown_as(*asked) == m);
             budget_of_screened(*letter, screened, tau0_s, unit, asked, place)
         });
-        let axes: Vec<AxisBudget> = axes.collect();
+        let mut axes: Vec<AxisBudget> = axes.collect();
+        // Fewer rows are taken out as disturbed ones.
+        let moves = |rest: &Rest| rest.moving_s > MOST_DISTURBED_PART * rest.length_s;
+        if let Some(rest) = self.rest.and_then(RestWatch::finish).filter(moves) {
+            let percent = significant(100.0 * rest.moving_s / rest.length_s, 2);
+            warnings.insert(0, format!("not at rest: the rows move in {percent} % of the time, {NO_NOISE}"));
+            axes.iter_mut().for_each(withhold);
+        }
         warnings.extend(axes.iter().filter_map(law_range_text));
         warnings.extend(axes.iter().filter_map(periods_text));
         warnings.extend(axes.iter().filter_map(misfit_text));

@@ -16,6 +16,7 @@ mod windows;
 pub(crate) use crate::window::build::SeenLogs;
 pub use crate::window::build::WindowBuilder;
 pub(crate) use crate::window::outliers::{holds_whole_numbers, is_whole, mark as mark_outliers, suspected};
+pub(crate) use crate::window::rest::RestWatch;
 pub use crate::window::rest::{Rest, RestSpan};
 pub use crate::window::table::{table_columns, table_row};
 pub(crate) use crate::window::tracks::SAME_VALUE;
