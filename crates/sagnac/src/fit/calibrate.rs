@@ -10,7 +10,7 @@ use crate::fit::problem::exclusions::check as check_exclusions;
 use crate::fit::record::axis::{count_of, fit_axis};
 use crate::image::rate_unit;
 use crate::rate_table::input::RateTableInput;
-use crate::window::{WindowShape, Windows};
+use crate::window::{WindowShape, Windows, refuse_still};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::Reason;
 use sagnac_log::setup::Setup;
@@ -46,6 +46,7 @@ pub fn calibrate_with_report_data(
     }
     check_exclusions(&windows)?;
     RateTableInput::leave_out_unknown(&mut windows, stated)?;
+    refuse_still(&windows).map_err(|e| of_file(e, &windows))?;
     let (mut axes, mut drawn) = (Vec::new(), Vec::new());
     for axis in 0..windows.shape.axes.len() {
         let fitted = fit_axis(&windows, axis, sensor, stated, options);

@@ -9,7 +9,7 @@
 //! The trial has the rules of [`crate::fit::calibrate`] for span, windows and excluded stretches, so what they refuse is not called good here.
 //! A log is *good for calibration* if the trial is fitted, the windows, not only single readings, cover the least span, and at least half of
 //! the rows are used. It is *good for noise* if its counts vary and enough unbroken rows show that; else it is not usable. Rates faster than any
-//! gyro are not usable, whatever they show.
+//! gyro are not usable, whatever they show, nor are counts that only jitter.
 //!
 //! Fails where a log is wrong without a sign: a lone thermometer without noise that stops, a scale factor that was typed wrong, a chamber
 //! log that belongs to another test.
@@ -27,7 +27,7 @@ use crate::diagnostics::profile::{TOGETHER, rate_explained, time_explained};
 use crate::diagnostics::{Leg, WindowPoint, points, run_spans};
 use crate::fit::{FitOptions, Model, READINGS_HOLD, calibrate, readings_do_not_hold};
 use crate::verify::{Correction, Unanswered, unanswered};
-use crate::window::{RestSpan, Windows};
+use crate::window::{RestSpan, Windows, still_text};
 use sagnac_log::error::{Error, ErrorKind, Result};
 use sagnac_log::ingest::{AngleUnit, Clipped};
 use sagnac_log::setup::Setup;
@@ -160,8 +160,9 @@ pub fn survey(windows: &Windows, setup: &Setup) -> Result<Survey> {
     };
     let axes: Vec<AxisSurvey> = windows.shape.axes.iter().enumerate().map(axis).collect();
     let (moves, at_rest) = motion(windows);
+    let unusable = too_fast(windows).or_else(|| still_text(windows));
     let (good_for, reason) = match (&tried, noise(windows, setup, &measured)) {
-        _ if too_fast(windows).is_some() => (GoodFor::Nothing, too_fast(windows)),
+        _ if unusable.is_some() => (GoodFor::Nothing, unusable),
         (Ok(_), _) => (GoodFor::Calibration, None),
         _ if moves.is_some() && at_rest.is_none() => (GoodFor::Nothing, moves.clone()),
         (Err(refusal), Ok(())) => (GoodFor::Noise, Some(refusal.what.clone())),

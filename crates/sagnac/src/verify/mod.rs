@@ -39,6 +39,7 @@ pub use values::suspects::Suspect;
 use crate::calibration::{LogFile, log_files, program};
 use crate::verify::replay::paired::PairedWindows;
 use crate::verify::values::of_axis::{Against, Retest, unit_of};
+use crate::window::refuse_still;
 use sagnac_log::error::Result;
 use sagnac_log::ingest::{LogReader, Logs, hex, share_rows};
 use sagnac_log::setup::Setup;
@@ -47,7 +48,7 @@ use sagnac_log::setup::Setup;
 /// counts is judged, unless the options exclude some.
 ///
 /// # Errors
-/// Logs that do not fit the correction, or too few windows for any value.
+/// Logs that do not fit the correction, too few windows for any value, or an axis whose counter nothing turns.
 pub fn verify<'a>(
     correction: &Correction,
     logs: impl Into<Logs<'a>>,
@@ -65,6 +66,7 @@ pub fn verify<'a>(
     let stated = &Setup { input_rate_dph, earth: None, ..setup.clone() };
     let mut whole = PairedWindows::replayed(correction, logs, setup)?;
     whole.leave_out_unknown(stated)?;
+    refuse_still(&whole.raw)?;
     let kept = options.excludes().then(|| whole.excluding(options, setup.discard_initial_s));
     let pair = kept.as_ref().unwrap_or(&whole);
     let against = Against { correction, setup: stated, sensor };

@@ -8,6 +8,7 @@
 mod build;
 mod outliers;
 mod rest;
+mod still;
 mod sums;
 mod table;
 mod tracks;
@@ -18,6 +19,7 @@ pub use crate::window::build::WindowBuilder;
 pub(crate) use crate::window::outliers::{holds_whole_numbers, is_whole, mark as mark_outliers, suspected};
 pub(crate) use crate::window::rest::RestWatch;
 pub use crate::window::rest::{Rest, RestSpan};
+pub(crate) use crate::window::still::{refuse_still, still_text};
 pub use crate::window::table::{table_columns, table_row};
 pub(crate) use crate::window::tracks::SAME_VALUE;
 pub use crate::window::windows::{Run, RunFile, WindowRows, WindowShape, Windows};

@@ -9,4 +9,5 @@ pub(crate) mod many_files;
 mod memory;
 mod retest_intervals;
 mod sound;
+mod still;
 pub(crate) mod turned;
