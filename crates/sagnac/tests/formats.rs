@@ -576,3 +576,19 @@ fn a_table_that_breaks_off_is_an_error() {
         LogReader::from_table(table, &setup(), ReadMode::Bulk).err().map_or_else(String::new, |e| e.to_string());
     assert!(error.contains("run 2") && error.contains("lacks this column"), "{error}");
 }
+
+/// A recording that grows slowly is read as far as it goes: an empty batch says that no further row is there yet. A log of ten seconds a row
+/// once had its first live fit after 4,096 rows.
+#[test]
+fn a_table_that_still_grows_is_read_as_far_as_it_goes() {
+    let batch = batch(&columns());
+    let come = [Ok(batch.slice(0, 500)), Ok(batch.slice(0, 0))];
+    let batches = come.into_iter().chain(std::iter::from_fn(|| panic!("the rows that have come are not read yet")));
+    let table = MemoryTable { name: "growing".to_owned(), schema: batch.schema(), batches: Box::new(batches) };
+    let mut log = LogReader::from_table(table, &setup(), ReadMode::Bulk).unwrap();
+    let mut rows = 0;
+    while rows < 500 {
+        rows += log.next_batch().unwrap().unwrap().len();
+    }
+    assert_eq!(rows, 500);
+}

@@ -175,7 +175,8 @@ fn untimed(layout: &Layout, setup: &Setup, given: Option<i64>) -> Result<i64> {
 }
 
 /// Reads rows until enough of them have a time; returns the number of rows read, their stamps, and the times without repeated ones.
-/// Broken rows do not count, and a pipe may begin in the middle of a row.
+/// Broken rows do not count, and a pipe may begin in the middle of a row. A recording that still grows has an empty piece where no row
+/// has come: then the times decide alone.
 fn first_times(
     pieces: &mut Pieces,
     [times_wanted, rows_wanted]: [usize; 2],
@@ -184,6 +185,9 @@ fn first_times(
     let (mut read, mut first, mut times, mut before) = (0, FirstStamps::default(), Vec::new(), None);
     let mut rows = RawRows::default();
     while (times.len() < times_wanted || first.stamps.len() < rows_wanted) && pieces.next(&mut rows)? {
+        if rows.len() == 0 && times.len() >= times_wanted {
+            break;
+        }
         read += rows.len();
         for row in (0..rows.len()).filter(|row| !rows.faults[*row].has(Faults::RAGGED)) {
             let Some(time) = rows.time(row) else { continue };
