@@ -8,10 +8,11 @@
 //! The jitter of a phase cancels from window to window: σ(φ) is 0.71 of σ(angle), however long the run. Angle random walk adds up: after
 //! n windows σ(φ)² is n/15 of σ(angle)² on average. Slow noise and a drift over temperature add up faster.
 //!
-//! Fails on runs of fewer than [`FEWEST`] windows, and on a jitter that is itself a random walk.
+//! Fails on runs of fewer than [`FEWEST`] windows, on a jitter that is itself a random walk, and so on logs of rates.
 
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
+use sagnac_log::ingest::AngleUnit;
 use sagnac_units::format::significant;
 
 /// Windows of a run that separate the two: a walk's mean ratio is 6.7 there, and that of a jitter 0.5.
@@ -40,7 +41,8 @@ pub(crate) fn refuse_still(windows: &Windows) -> Result<()> {
 /// σ of the angle of an axis about the straight lines of its runs, arcsec, where that is all it ever moves; `None` where it moves more, or
 /// where no run is long enough.
 fn still_arcsec(windows: &Windows, axis: usize) -> Option<f64> {
-    if windows.shape.is_turned {
+    // A rate that jitters about zero looks like angle random walk.
+    if windows.shape.is_turned || windows.shape.unit == AngleUnit::Arcsec {
         return None;
     }
     let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
