@@ -379,7 +379,7 @@ pub(crate) fn bias_repeatability(axis: &AxisVerification, units: RateUnit) -> Ma
             } }
             @if let Some(turn_ons) = repeatability.turn_ons {
                 p.note {
-                    "Turn-on to turn-on: σ " (units.text(turn_ons.sigma_dph, 2)) " over " (turn_ons.n) " runs, those of the calibration included; below "
+                    "Turn-on to turn-on: σ " (units.text(turn_ons.sigma_dph, 2)) " over " (turn_ons.n) " stated turn-ons, those of the calibration included; below "
                     (units.text(turn_ons.sigma_upper_dph, 2)) " with 95 % confidence."
                 }
             }

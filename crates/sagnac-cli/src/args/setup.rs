@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use sagnac::window::{WindowBuilder, Windows};
 use sagnac::{Error, Result};
 use sagnac_log::memory::MemoryBudget;
-use sagnac_log::setup::{Counter, PerAxis, RunDivision, Setup, WindowSize};
+use sagnac_log::setup::{Counter, PerAxis, RunDivision, Setup, TurnOnCount, WindowSize};
 
 use crate::files::loading;
 
@@ -57,6 +57,9 @@ pub(crate) struct SetupArgs {
     /// Treat each file as a separate run; by default, continuing time continues the run
     #[arg(long, hide_short_help = true)]
     runs: bool,
+    /// How often the gyro was switched on for these logs: a number, or `files` for once per run
+    #[arg(long, value_parser = turn_on_count, value_name = "N|files", hide_short_help = true)]
+    turn_ons: Option<TurnOnCount>,
     /// Temperature at which the correction is zero, °C
     #[arg(long, value_name = "C", allow_negative_numbers = true, hide_short_help = true)]
     reference: Option<f64>,
@@ -150,6 +153,7 @@ impl SetupArgs {
         put(&mut setup.instance, &self.instance);
         put(&mut setup.input_rate_dph, &self.input_rate);
         put(&mut setup.window, &self.window);
+        put(&mut setup.turn_ons, &self.turn_ons);
         put(&mut setup.reference_c, &self.reference);
         put(&mut setup.min_span_c, &self.min_span);
         put(&mut setup.use_thermometer, &self.thermometer);
@@ -192,6 +196,13 @@ fn window_size(text: &str) -> std::result::Result<WindowSize, String> {
         return Ok(WindowSize::ROW);
     }
     text.parse().map(WindowSize::Seconds).map_err(|_| "seconds, or the word `row`".to_owned())
+}
+
+fn turn_on_count(text: &str) -> std::result::Result<TurnOnCount, String> {
+    if text == "files" {
+        return Ok(TurnOnCount::FILES);
+    }
+    text.parse().map(TurnOnCount::Number).map_err(|_| "a number, or the word `files`".to_owned())
 }
 
 fn memory_budget(text: &str) -> std::result::Result<MemoryBudget, String> {

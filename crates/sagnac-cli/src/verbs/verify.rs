@@ -243,8 +243,10 @@ fn bias_repeatability(repeatability: &BiasRepeatability, units: RateUnit) -> Str
     }
     if let Some(turn_ons) = repeatability.turn_ons {
         let [sigma, upper] = [turn_ons.sigma_dph, turn_ons.sigma_upper_dph].map(|dph| units.text(dph, 2));
-        out +=
-            &format!("\n  turn-on to turn-on: σ {sigma} over {} runs, below {upper} with 95 % confidence", turn_ons.n);
+        out += &format!(
+            "\n  turn-on to turn-on: σ {sigma} over {} turn-ons, below {upper} with 95 % confidence",
+            turn_ons.n
+        );
     }
     out
 }

@@ -69,6 +69,38 @@ pub enum RunDivision {
     Files,
 }
 
+/// How often the gyro was switched on for the logs of a test. A file does not show it: a logger that starts a new one every hour switches
+/// nothing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "turn-ons are a number, or the word \"files\"")]
+pub enum TurnOnCount {
+    /// So often.
+    Number(u32),
+    /// The word `files`: once for each run of the logs.
+    Files(FilesWord),
+}
+
+/// The word `files`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum FilesWord {
+    /// One turn-on per run.
+    Files,
+}
+
+impl TurnOnCount {
+    /// One for each run.
+    pub const FILES: Self = Self::Files(FilesWord::Files);
+
+    /// Turn-ons of so many runs: no run has more than one.
+    pub fn of_runs(self, runs: usize) -> usize {
+        match self {
+            Self::Number(number) => runs.min(number as usize),
+            Self::Files(_) => runs,
+        }
+    }
+}
+
 impl WindowSize {
     /// One window per row.
     pub const ROW: Self = Self::Row(RowWord::Row);
@@ -286,6 +318,10 @@ pub struct Setup {
     /// Which files are one run: `auto` (files with continuing time), `one` (all files), or `files` (each file).
     #[serde(skip_serializing_if = "is_default")]
     pub runs: RunDivision,
+    /// How often the gyro was switched on for these logs: a number, or `files` for once per run. No log shows it, and without it the scatter
+    /// from turn-on to turn-on is not known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turn_ons: Option<TurnOnCount>,
     /// Temperature T0 at which the correction is zero, °C; 25 by default.
     pub reference_c: Option<f64>,
     /// Time at the start of each run that is excluded from the fit, s.

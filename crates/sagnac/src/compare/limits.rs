@@ -17,6 +17,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::calibration::AxisCalibration;
 use crate::verify::{Estimate, LimitSpec, Limits, TurnOns, Verdict};
+use sagnac_log::setup::TurnOnCount;
 
 /// What one limit asks of a comparison.
 #[derive(Clone, Copy, Debug)]
@@ -71,7 +72,7 @@ pub const COMPARED: [ComparedLimit; 9] = [
     ComparedLimit {
         key: "turn_on_sigma_dph_max",
         label: "one-sided 95 % bound of the σ from turn-on to turn-on over the runs of all records",
-        from: "two runs or more",
+        from: "two turn-ons or more, stated in the setups of the records",
         value: |all| all.of_bias(turn_ons),
     },
     ComparedLimit {
@@ -111,6 +112,8 @@ enum ComparedValue {
 pub(crate) struct ComparedRecords<'a> {
     pub(crate) axes: &'a [&'a AxisCalibration],
     pub(crate) names: Vec<&'a str>,
+    /// Turn-ons that each record states.
+    pub(crate) turn_ons: Vec<Option<TurnOnCount>>,
     pub(crate) temperatures_c: &'a [f64],
     pub(crate) reference_c: f64,
     /// Windows of all records, h.
@@ -122,6 +125,8 @@ struct Bias {
     mean: Estimate,
     /// The runs that have an offset of their own.
     runs: Vec<Estimate>,
+    /// The turn-ons that it states.
+    turn_ons: Option<TurnOnCount>,
 }
 
 impl ComparedRecords<'_> {
@@ -179,7 +184,10 @@ impl ComparedRecords<'_> {
                 "{name} does not know its input rate: input_rate_dph or [earth] in its setup"
             ));
         }
-        let biases: Option<Vec<Bias>> = self.axes.iter().map(|axis| Bias::of(axis, self.reference_c)).collect();
+        let biases: Option<Vec<Bias>> = {
+            let stated = self.axes.iter().zip(&self.turn_ons);
+            stated.map(|(axis, turn_ons)| Bias::of(axis, *turn_ons, self.reference_c)).collect()
+        };
         biases
             .map_or_else(|| ComparedValue::Unknown("a record without a run offset".to_owned()), |biases| value(&biases))
     }
@@ -266,7 +274,7 @@ impl ComparedRecords<'_> {
 }
 
 impl Bias {
-    fn of(axis: &AxisCalibration, reference_c: f64) -> Option<Self> {
+    fn of(axis: &AxisCalibration, turn_ons: Option<TurnOnCount>, reference_c: f64) -> Option<Self> {
         let shift = axis.drift(reference_c, axis.reference_c());
         let moved = axis.drift_weights(reference_c, axis.reference_c());
         let covariance_of = &axis.fit.as_ref()?.covariance_of;
@@ -284,14 +292,17 @@ impl Bias {
         let own = sigma(&runs.iter().map(|(_, row)| (*row, 1.0 / n)).collect::<Vec<_>>());
         let scatter = runs.iter().map(|(bias, _)| (bias - mean).powi(2)).sum::<f64>() / (n - 1.0).max(1.0) / n;
         let runs = runs.iter().map(|(bias, row)| Estimate { value: *bias, sigma: sigma(&[(*row, 1.0)]) }).collect();
-        Some(Self { mean: Estimate { value: mean, sigma: own.max(scatter.sqrt()) }, runs })
+        Some(Self { mean: Estimate { value: mean, sigma: own.max(scatter.sqrt()) }, runs, turn_ons })
     }
 }
 
 fn turn_ons(biases: &[Bias]) -> ComparedValue {
-    let all: Vec<f64> = biases.iter().flat_map(|record| &record.runs).map(|run| run.value).collect();
-    let bound = TurnOns::of(&all).map(|bound| ComparedValue::Bound(bound.sigma_upper_dph));
-    bound.unwrap_or_else(|| ComparedValue::Unknown("fewer than two runs".to_owned()))
+    let runs = |record: &Bias| record.runs.iter().map(|run| run.value).collect();
+    let all = TurnOns::of(biases.iter().map(|record| (runs(record), record.turn_ons)));
+    let bound = all.map(|bound| ComparedValue::Bound(bound.sigma_upper_dph));
+    bound.unwrap_or_else(|| {
+        ComparedValue::Unknown("fewer than two turn-ons are stated (turn_ons in a setup)".to_owned())
+    })
 }
 
 fn largest(all: impl Iterator<Item = Estimate>) -> ComparedValue {

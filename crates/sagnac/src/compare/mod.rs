@@ -364,6 +364,7 @@ fn compare_axis(
     let compared = ComparedRecords {
         axes,
         names: records.iter().map(|(name, _)| name.as_str()).collect(),
+        turn_ons: records.iter().map(|(_, record)| record.setup.turn_ons).collect(),
         temperatures_c: &temperatures,
         reference_c,
         hours: axes.iter().zip(records).map(windows_h).sum(),

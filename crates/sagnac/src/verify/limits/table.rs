@@ -440,7 +440,7 @@ limits! {
     /// one-sided 95 % bound of the σ from turn-on to turn-on
     turn_on_sigma_dph_max: "turn-on bias, σ (95 % bound)", Most, ANY, "deg/h", KnownInput,
         |a| plain(a.bias_of_every_run().ok().and_then(|biases| Some(biases.turn_ons?.sigma_upper_dph))),
-        "fewer than two runs, or one that is shorter than eight windows or was turned at one rate alone";
+        "fewer than two turn-ons are stated (--turn-ons), or a run is shorter than eight windows or was turned at one rate alone";
     /// largest fixed bias of a run
     fixed_bias_dph_max: "fixed bias after correction, largest", Most, ANY, "deg/h", KnownInput,
         |a| size(a.bias_of_every_run().ok().and_then(BiasRepeatability::largest_bias_dph)), RUN_WITHOUT_BIAS;

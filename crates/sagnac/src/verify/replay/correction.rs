@@ -48,7 +48,8 @@ impl Correction {
                 LogUnit::Counts { arcsec_per_count, quantum } => (Some(arcsec_per_count), Some(quantum)),
                 LogUnit::Rates { .. } => (None, None),
             };
-            return Setup { arcsec_per_count, quantum, ..calibration.setup.clone() };
+            // The turn-ons of the calibration are not those of the retest.
+            return Setup { arcsec_per_count, quantum, turn_ons: None, ..calibration.setup.clone() };
         }
         let Some(d) = self.images.first().map(|image| *image.description()) else {
             return Setup::default();

@@ -4,7 +4,7 @@
 //! bias of a run      b_i = mean of its corrected windows − input rate          (a correction is zero at T0)
 //! of the record      b_0 = mean over its runs of (run offset − input rate)
 //! difference         d_i = b_i − b_0, σ² of both; the worst |d_i| is judged
-//! turn-on to turn-on s over all runs, of the calibration too; one-sided 95 % bound s·√((n − 1)/χ²(0.05, n − 1))
+//! turn-on to turn-on s over the runs of the n stated turn-ons, of the calibration too; one-sided 95 % bound s·√((n − 1)/χ²(0.05, n − 1))
 //! scale factor       mean over the plateaus after correction less ε0 of the record, ppm
 //! ```
 //!
@@ -21,7 +21,7 @@ use crate::calibration::{AxisCalibration, FixedBias, PpmEstimate};
 use crate::verify::values::judged_windows::Estimate;
 use crate::verify::values::rate_table::{PairedDrifts, ScaleProof};
 use crate::window::Windows;
-use sagnac_log::setup::{RateUnit, Setup, input_rate_hint};
+use sagnac_log::setup::{RateUnit, Setup, TurnOnCount, input_rate_hint};
 
 /// Stretches of a run whose means scatter.
 const STRETCHES: usize = 8;
@@ -52,9 +52,9 @@ pub struct RunBias {
 #[serde(deny_unknown_fields)]
 #[non_exhaustive]
 pub struct TurnOns {
-    /// Runs, those of the calibration included.
+    /// Stated turn-ons, those of the calibration included.
     pub n: usize,
-    /// σ over them, °/h.
+    /// σ over their runs, °/h.
     pub sigma_dph: f64,
     /// One-sided 95 % upper bound of that σ, °/h.
     pub sigma_upper_dph: f64,
@@ -73,7 +73,7 @@ pub struct BiasRepeatability {
     pub calibration_dph: Estimate,
     /// The runs of the retest.
     pub runs: Vec<RunBias>,
-    /// Null with fewer than two runs.
+    /// Null where fewer than two turn-ons are stated.
     pub turn_ons: Option<TurnOns>,
     /// The first run whose bias is not known: it is shorter than eight windows, or the table turned it at one rate alone, which does not
     /// tell a bias from a scale factor. Null where there is none; else no limit of the bias is met.
@@ -111,6 +111,7 @@ impl BiasRepeatability {
         used: &[usize],
         axis: usize,
         record: Option<&AxisCalibration>,
+        calibrated: Option<TurnOnCount>,
         setup: &Setup,
     ) -> Result<Self, String> {
         let record = record.ok_or("an image alone does not state the bias of the calibration")?;
@@ -138,20 +139,32 @@ impl BiasRepeatability {
         let biases: Vec<Option<RunBias>> = (0..windows.runs.len()).map(run).collect();
         let unknown = biases.iter().position(Option::is_none).map(|run| file_name(&windows.runs[run].name()));
         let runs: Vec<RunBias> = biases.into_iter().flatten().collect();
-        let all: Vec<f64> = biases_of(record).into_iter().chain(runs.iter().map(|run| run.bias_dph.value)).collect();
+        let of_retest = runs.iter().map(|run| run.bias_dph.value).collect();
         let calibration_input_rate_dph = input_of(record).unwrap_or(input_dph);
-        let turn_ons = TurnOns::of(&all);
+        let turn_ons = TurnOns::of([(biases_of(record), calibrated), (of_retest, setup.turn_ons)]);
         let input_rate_dph = input_dph;
         Ok(Self { input_rate_dph, calibration_input_rate_dph, calibration_dph, runs, turn_ons, unknown })
     }
 }
 
 impl TurnOns {
-    pub(crate) fn of(biases: &[f64]) -> Option<Self> {
-        let n = biases.len();
+    /// Of the runs of several tests, each with its stated turn-ons; a test that states none does not count. Runs of one turn-on count by
+    /// their mean.
+    pub(crate) fn of(tests: impl IntoIterator<Item = (Vec<f64>, Option<TurnOnCount>)>) -> Option<Self> {
+        let (mut n, mut biases) = (0, Vec::new());
+        for (runs, stated) in tests {
+            let of_test = stated.map_or(0, |stated| stated.of_runs(runs.len()));
+            n += of_test;
+            match of_test {
+                0 => {}
+                1 => biases.push(runs.iter().sum::<f64>() / runs.len() as f64),
+                _ => biases.extend(runs),
+            }
+        }
         let degrees = n.checked_sub(1).filter(|degrees| *degrees > 0)? as f64;
-        let mean = biases.iter().sum::<f64>() / n as f64;
-        let sigma_dph = (biases.iter().map(|b| (b - mean).powi(2)).sum::<f64>() / degrees).sqrt();
+        let mean = biases.iter().sum::<f64>() / biases.len() as f64;
+        let squares: f64 = biases.iter().map(|b| (b - mean).powi(2)).sum();
+        let sigma_dph = (squares / (biases.len() - 1) as f64).sqrt();
         let least = ChiSquared::new(degrees).ok()?.inverse_cdf(1.0 - ONE_SIDED);
         Some(Self { n, sigma_dph, sigma_upper_dph: sigma_dph * (degrees / least).sqrt() })
     }
@@ -214,10 +227,18 @@ mod tests {
     #[test]
     fn the_bound_of_the_turn_on_scatter_is_that_of_chi_squared() {
         let biases = [0.001, -0.002, 0.0, 0.003, -0.002];
-        let found = TurnOns::of(&biases).unwrap();
+        let of = |biases: &[f64], stated| TurnOns::of([(biases.to_vec(), stated)]);
+        let found = of(&biases, Some(TurnOnCount::FILES)).unwrap();
         assert_eq!(found.n, 5);
         assert!((found.sigma_dph - 0.002_121_320_3).abs() < 1e-9, "{found:?}");
         assert!((found.sigma_upper_dph / found.sigma_dph - 2.372_36).abs() < 1e-4, "{found:?}");
-        assert_eq!(TurnOns::of(&biases[..1]), None);
+        // Five files of two turn-ons: χ²(0.05, 1) = 0.00393214 (tables).
+        let of_two = of(&biases, Some(TurnOnCount::Number(2))).unwrap();
+        assert_eq!((of_two.n, of_two.sigma_dph), (2, found.sigma_dph));
+        assert!((of_two.sigma_upper_dph / of_two.sigma_dph - 15.947_3).abs() < 1e-3, "{of_two:?}");
+        // Fewer than two are stated: one file, files of one turn-on, nothing.
+        assert_eq!(of(&biases[..1], Some(TurnOnCount::Number(7))), None);
+        assert_eq!(of(&biases, Some(TurnOnCount::Number(1))), None);
+        assert_eq!(of(&biases, None), None);
     }
 }

@@ -7,6 +7,7 @@ use crate::support::fit;
 use crate::support::rows::{Rows, to_decimals};
 use sagnac::compare::{Comparison, compare};
 use sagnac::{Calibration, Limits};
+use sagnac_log::setup::TurnOnCount;
 
 /// The drift of the gyro in its first months.
 pub(crate) fn usual(now: Now) -> f64 {
@@ -29,7 +30,8 @@ fn month(
         bench.log()
     };
     let logs = (0..2).map(|k| run(k, turn_on_dph * dice.normal())).collect();
-    fit(logs, &Bench::setup(), model).unwrap()
+    let setup = sagnac::Setup { turn_ons: Some(TurnOnCount::FILES), ..Bench::setup() };
+    fit(logs, &setup, model).unwrap()
 }
 
 fn named(records: Vec<Calibration>) -> Vec<(String, Calibration)> {

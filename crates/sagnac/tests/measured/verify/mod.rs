@@ -10,4 +10,5 @@ mod memory;
 mod retest_intervals;
 mod sound;
 mod still;
+mod turn_ons;
 pub(crate) mod turned;
