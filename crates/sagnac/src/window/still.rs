@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! φ_k     sum of the angles of a run up to window k, less its straight line
-//! still   σ(φ) ≤ σ(angle of a window)
+//! still   σ(φ) ≤ 0.8·σ(angle of a window)
 //! ```
 //!
 //! The jitter of a phase cancels from window to window: σ(φ) is 0.71 of σ(angle), however long the run. Angle random walk adds up: after
@@ -17,6 +17,8 @@ use sagnac_units::format::significant;
 
 /// Windows of a run that separate the two: a walk's mean ratio is 6.7 there, and that of a jitter 0.5.
 const FEWEST: usize = 100;
+/// Between the 0.71 of a jitter, ± 0.04 with so few windows, and a walk.
+const STILL: f64 = 0.8;
 /// Scatter below this part of the largest angle is the rounding of sums.
 const ROUNDING: f64 = 1e-12;
 
@@ -62,7 +64,7 @@ fn still_arcsec(windows: &Windows, axis: usize) -> Option<f64> {
         of_windows.add(&angles);
         largest = run.iter().fold(largest, |most, i| most.max(windows.rows.angle[axis][*i].abs()));
     }
-    let is_still = of_phase.sigma()? <= of_windows.sigma()?.max(ROUNDING * largest);
+    let is_still = of_phase.sigma()? <= (STILL * of_windows.sigma()?).max(ROUNDING * largest);
     is_still.then_some(of_phase.sigma()? * windows.shape.unit.arcsec())
 }
 
