@@ -19,7 +19,12 @@ pub(crate) fn is_acceptance(verification: &Verification) -> bool {
 }
 
 /// The verdict over all axes, with the retest and the limits.
-pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibration>, sheet: &Sheet) -> Markup {
+pub(crate) fn identity(
+    verification: &Verification,
+    calibration: Option<&Calibration>,
+    sheet: &Sheet,
+    units: RateUnit,
+) -> Markup {
     let accepted = verification.passed();
     let judged = Judged::of(verification.axes.iter().flat_map(|axis| &axis.limits));
     let word = match (accepted, judged.not_asked) {
@@ -41,6 +46,7 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
         @if !verification.untested_axes.is_empty() {
             p.note { "The retest lacks axes of the calibration: " (verification.untested_axes.iter().collect::<String>()) ". The unit is not accepted." }
         }
+        @for objection in &verification.objections { p.note { "The unit is not accepted: " (prose(objection)) "." } }
         div class={ "verdict " (if accepted { "pass" } else { "fail" }) } { b.word { (word) ": " (judged.words()) (verification.not_judged()) } }
         div.scroll { table {
             tr { td { "unit" } td.words { (verification.serial) } }
@@ -64,6 +70,11 @@ pub(crate) fn identity(verification: &Verification, calibration: Option<&Calibra
                         tr { td { (word) } td.words { (file_name(&source.name)) br; span.hash { "SHA-256 " (source.sha256) } } }
                     }
                 }
+            }
+            @for one in &verification.overrides { tr { td { "overridden" } td.words { (one.words(units)) } } }
+            @for file in &verification.new_clocks { tr { td { "clock" } td.words { (file) " begins a new clock: the time before it is not known" } } }
+            @for axis in &verification.axes {
+                @if let Some(off) = &axis.flagged_off { tr { td { "axis " (axis.axis) } td.words { (off.words(units)) } } }
             }
             tr { td { "record, SHA-256" } td.hash { (verification.record_sha256) } }
             tr { td { "images judged, SHA-256" } td.hash { (verification.image_sha256) } }

@@ -86,7 +86,7 @@ pub fn verification_report(
         }
         (same_log(verification))
         @if judged {
-            (acceptance::identity(verification, calibration, sheet))
+            (acceptance::identity(verification, calibration, sheet, units))
             (acceptance::limits(verification))
             (acceptance::signatures())
             (acceptance::remarks(verification, units))

@@ -112,6 +112,14 @@ impl AxisCalibration {
 fn of_noise(fit: &FitDiagnostics, units: RateUnit, notes: &mut Vec<Note>) {
     notes.extend(unexplained(fit, units));
     notes.extend(fit.lack_of_fit.iter().map(|lack| Note::of(NoteLevel::Warning, NoteAbout::Curve, lack.note(units))));
+    let filter_hz = fit.noise_floor.as_ref().and_then(|floor| floor.filter_hz);
+    notes.extend(filter_hz.map(|hz| {
+        let hz = significant(hz, 2);
+        let text = format!(
+            "filtered: the rows were logged behind a low-pass filter at about {hz} Hz; noise is taken from longer times"
+        );
+        Note::of(NoteLevel::Note, NoteAbout::Fit, text)
+    }));
     if fit.noise_exceeds_setup {
         let text = "the log contains more noise than [noise] in the setup, so intervals use the log";
         notes.push(Note::of(NoteLevel::Warning, NoteAbout::Fit, text));

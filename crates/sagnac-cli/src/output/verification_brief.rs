@@ -76,6 +76,9 @@ fn verdict(verification: &Verification, units: RateUnit) -> (&'static str, Tone,
     if !verification.training_overlap.is_empty() {
         return not("the calibration was made from this log".to_owned());
     }
+    if let Some(objection) = verification.objections.first() {
+        return not(objection.clone());
+    }
     if total.not_met > 0 {
         return not(per_axis(|judged| judged.not_met, ["misses", "miss"]));
     }
@@ -239,6 +242,10 @@ fn remarks(verification: &Verification, units: RateUnit) -> Vec<Remark> {
         .training_overlap
         .iter()
         .map(|file| Remark::warning(format!("{file} is a log of the calibration: verify another test")));
+    let judged = verification.axes.iter().any(|axis| axis.pass.is_some());
+    let objections = verification.objections.iter().skip(usize::from(judged)).cloned().map(Remark::warning);
+    let overrides = verification.overrides.iter().map(|one| Remark::note(format!("overridden: {}", one.words(units))));
+    let clocks = verification.new_clocks.iter().map(|file| Remark::note(new_clock(file)));
     let of_axis = move |axis: &AxisVerification| {
         let about = |text: String| Remark { is_warning: true, axes: vec![axis.axis], text };
         let repeats = axis.repeats_profile.then(|| {
@@ -247,7 +254,13 @@ fn remarks(verification: &Verification, units: RateUnit) -> Vec<Remark> {
         let flight = axis.flight_unavailable.as_ref().map(|why| about(format!("no flight: {why}")));
         let judged = if axis.excluded_fraction.is_some() { "" } else { "; it is judged with the rest" };
         let suspects = axis.suspects.iter().map(|suspect| about(format!("suspected {}{judged}", suspect.words(units))));
-        repeats.into_iter().chain(flight).chain(suspects).collect::<Vec<_>>()
+        let flagged = axis.flagged_off.as_ref().map(|off| about(off.words(units)));
+        repeats.into_iter().chain(flight).chain(flagged).chain(suspects).collect::<Vec<_>>()
     };
-    copies.chain(verification.axes.iter().flat_map(of_axis)).collect()
+    copies.chain(objections).chain(overrides).chain(clocks).chain(verification.axes.iter().flat_map(of_axis)).collect()
+}
+
+/// A file whose clock begins again.
+pub(crate) fn new_clock(file: &str) -> String {
+    format!("{file} begins a new clock: the time before it is not known (--runs: separate tests, --one-run: one)")
 }

@@ -19,7 +19,7 @@ use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::tables::{excluded, limits_table};
 use crate::output::terminal::table;
-use crate::output::verification_brief::verification_brief;
+use crate::output::verification_brief::{new_clock, verification_brief};
 use crate::verbs::verb::Verb;
 
 /// Verify a correction on a separate test
@@ -143,7 +143,7 @@ impl Verb for Args {
         let rule = limits.and_then(|limits| limits.decision).unwrap_or_default();
         let brief = verification_brief(&verification, rule, &wrote, units);
         brief.say(console, |console| {
-            warn_of_same_log(console, &verification);
+            reservations(console, &verification, units);
             describe(console, &verification, units);
         });
         console.object(&verification)?;
@@ -151,10 +151,24 @@ impl Verb for Args {
     }
 }
 
-/// Warns if the retest is a log of the fit: that proves nothing.
-fn warn_of_same_log(console: &mut Console, verification: &Verification) {
+/// Warns of what speaks against the retest, whatever its values: a log of the fit proves nothing.
+fn reservations(console: &mut Console, verification: &Verification, units: RateUnit) {
     for file in &verification.training_overlap {
         console.note(format!("warning: {file} is a log of the calibration itself, so this is no proof"));
+    }
+    for objection in &verification.objections {
+        console.note(format!("warning: {objection}"));
+    }
+    for one in &verification.overrides {
+        console.note(format!("overridden: {}", one.words(units)));
+    }
+    for file in &verification.new_clocks {
+        console.note(new_clock(file));
+    }
+    for axis in &verification.axes {
+        axis.flagged_off
+            .iter()
+            .for_each(|off| console.note(format!("warning: axis {}: {}", axis.axis, off.words(units))));
     }
     if verification.training_unknown {
         console.note(
@@ -269,13 +283,14 @@ fn verdict(axis: &AxisVerification, verification: &Verification) -> String {
     let judged = Judged::of(&axis.limits);
     let judged = match axis.pass {
         Some(_) if !verification.training_overlap.is_empty() => "NOT ACCEPTED: the fit has seen this log; ".to_owned(),
+        Some(_) if !verification.objections.is_empty() => "NOT ACCEPTED; ".to_owned(),
         Some(true) if !verification.untested_axes.is_empty() => {
             format!("NOT ACCEPTED: an axis is not tested; {} on this one; ", judged.words())
         }
         Some(true) if verification.training_unknown => {
             format!("{}{}, training logs unknown; ", judged.words(), verification.not_judged())
         }
-        Some(true) if judged.not_asked == 0 => "all limits met; ".to_owned(),
+        Some(true) if judged.not_asked == 0 && verification.overrides.is_empty() => "all limits met; ".to_owned(),
         Some(true) => format!("{}{}; ", judged.words(), verification.not_judged()),
         Some(false) if judged.not_met == 0 => format!("LIMITS NOT DECIDED: {}; ", judged.words()),
         Some(false) => "LIMITS NOT MET; ".to_owned(),

@@ -65,6 +65,9 @@ pub struct NoiseFloor {
     pub q_arcsec: f64,
     /// Where N and Q come from.
     pub source: String,
+    /// −3 dB frequency of the low-pass filter behind which the rows were logged, Hz, to about a fifth; absent without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filter_hz: Option<f64>,
 }
 
 /// The fixed bias that a correction removes, with the drift over temperature.

@@ -22,9 +22,10 @@ pub(crate) fn noise_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<
 
 /// The noise floor of a nominal window.
 pub(crate) fn noise_floor_of(windows: &Windows, axis: usize, setup: &Setup) -> Option<NoiseFloor> {
-    let (MeasuredNoise { terms, .. }, source) = noise_of(windows, axis, setup)?;
+    let (MeasuredNoise { terms, filter_hz, .. }, source) = noise_of(windows, axis, setup)?;
     let value_dph = Some(terms.floor_dph(windows.shape.nominal_s)).filter(|value| value.is_finite() && *value > 0.0)?;
-    Some(NoiseFloor { value_dph, n_deg_rt_h: terms.n_deg_rt_h(), q_arcsec: terms.q_arcsec, source: source.to_owned() })
+    let (n_deg_rt_h, q_arcsec, source) = (terms.n_deg_rt_h(), terms.q_arcsec, source.to_owned());
+    Some(NoiseFloor { value_dph, n_deg_rt_h, q_arcsec, source, filter_hz })
 }
 
 /// The slow noise that a setup states, and the white variance of a nominal window next to it, (°/h)².

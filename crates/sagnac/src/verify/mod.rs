@@ -9,7 +9,9 @@
 
 mod flight;
 mod limits;
+mod overrides;
 mod replay;
+mod reservations;
 mod result;
 mod values;
 
@@ -21,9 +23,11 @@ pub use limits::source::{LimitsSource, Specification};
 pub use limits::table::{Applies, Bound, LimitSpec, Limits, SPECS};
 pub use limits::unanswered::{Unanswered, unanswered};
 pub use limits::verdict::{DecisionRule, Judged, Verdict};
+pub use overrides::Override;
 pub use replay::column_of_input::{InputColumns, LogColumn};
 pub use replay::compensate::{Compensated, CorrectedFormat, compensate, status_text};
 pub use replay::correction::Correction;
+pub use replay::flagged::FlaggedOff;
 pub use replay::options::VerifyOptions;
 pub use replay::tick_by_tick::{Corrected, Replay};
 pub use result::{AxisVerification, Coverage, REPEATED_PROFILE, RetestNoiseFloor, Verification};
@@ -37,6 +41,7 @@ pub use values::residual::{Plateaus, RandomWalk, RetestResidual};
 pub use values::suspects::Suspect;
 
 use crate::calibration::{LogFile, log_files, program};
+use crate::verify::replay::clocks::new_clocks;
 use crate::verify::replay::paired::PairedWindows;
 use crate::verify::values::of_axis::{Against, Retest, unit_of};
 use crate::window::refuse_still;
@@ -77,13 +82,18 @@ pub fn verify<'a>(
     })?;
     let every_row = kept.as_ref().map(|_| against.values(&Retest::all(&whole))).transpose()?;
     let windows = &pair.raw;
+    let (window_s, record) = (windows.shape.nominal_s, correction.calibration.as_ref());
+    let overrides = reservations::of_retest(record, window_s, &axes);
+    let units = setup.units.unwrap_or_default();
+    let quieter = axes.iter().filter_map(|axis| reservations::quieter(record, axis, units));
+    let objections = quieter.chain(reservations::other_offset(record, setup)).collect();
     let verification = Verification {
         program: program(),
         serial: correction.serial(),
         sensor: setup.sensor.clone(),
         rig: setup.rig.clone(),
         unit: unit_of(windows).1.to_owned(),
-        window_s: windows.shape.nominal_s,
+        window_s,
         axes,
         excluded: windows.tallies.list(),
         image_sha256: correction.sha256(),
@@ -92,6 +102,9 @@ pub fn verify<'a>(
         untested_axes: untested_axes(correction, &windows.shape.axes),
         training_overlap: training_overlap(correction, &log_files(windows)),
         training_unknown: correction.calibration.is_none(),
+        overrides,
+        objections,
+        new_clocks: new_clocks(&windows.runs, setup),
         inputs: log_files(windows).into_iter().map(LogFile::named).collect(),
     };
     let several = pair.raw.runs.len() > 1 && !verification.axes.iter().any(|axis| axis.about_common_mean);
@@ -103,6 +116,7 @@ pub fn verify<'a>(
             pair: &alone,
             missing_fraction: pair.missing_fraction(Some(run)),
             excluded_fraction: kept.as_ref().map(|_| alone.excluded_fraction(&whole.of_run(run))),
+            flagged_off: &[],
             suspects_in: None,
         };
         Some((pair.raw.runs[run].name(), against.values(&of_run).ok()?.0))

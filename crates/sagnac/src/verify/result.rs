@@ -9,6 +9,8 @@ use crate::calibration::{LogFile, PpmEstimate};
 use crate::verify::flight::position::PositionError;
 use crate::verify::limits::source::LimitsSource;
 use crate::verify::limits::verdict::Verdict;
+use crate::verify::overrides::{Override, kinds};
+use crate::verify::replay::flagged::FlaggedOff;
 use crate::verify::values::before_after::DriftValues;
 use crate::verify::values::diagnostics::ResidualDiagnostics;
 use crate::verify::values::rate_table::ScaleProof;
@@ -36,6 +38,9 @@ pub struct RetestNoiseFloor {
     pub n: usize,
     /// Where it comes from.
     pub source: String,
+    /// −3 dB frequency of a low-pass filter that the rows show, Hz; absent without one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub filter_hz: Option<f64>,
 }
 
 /// How much of the temperatures of the fit a retest saw.
@@ -152,6 +157,9 @@ pub struct AxisVerification {
     pub hours: f64,
     /// Part of the rows that was excluded on request, 0 to 1; null where nothing was asked to be excluded.
     pub excluded_fraction: Option<f64>,
+    /// Flagged rows that differ from their neighbours; absent without any.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub flagged_off: Option<FlaggedOff>,
     /// Stretches that look like bumps, steps or start-up. They are judged unless they were asked to be excluded.
     pub suspects: Vec<Suspect>,
     /// Windows in which each status occurred.
@@ -166,6 +174,13 @@ impl AxisVerification {
     /// The verdict on a limit, by its key.
     pub fn limit(&self, key: &str) -> Option<&Verdict> {
         self.limits.iter().find(|limit| limit.name == key)
+    }
+
+    /// Part of the time that was excluded on request or flagged, where it differs from its neighbours, 0 to 1; `None` without either.
+    pub fn left_out_fraction(&self) -> Option<f64> {
+        let flagged = self.flagged_off.map(|off| off.fraction);
+        let all = [self.excluded_fraction, flagged];
+        all.iter().any(Option::is_some).then(|| all.into_iter().flatten().sum())
     }
 
     /// Where a limit that is not met fails: its plateau, its run, or both. `None` where it is met, or of the whole test.
@@ -219,6 +234,15 @@ pub struct Verification {
     /// True for an image alone, which does not name its training logs: nothing shows that these are others.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub training_unknown: bool,
+    /// What was stated otherwise for the retest than for its calibration, or in the limits than in their base set.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub overrides: Vec<Override>,
+    /// Why the unit is not accepted, whatever its limits: each in a sentence.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub objections: Vec<String>,
+    /// Files whose clock begins again, where nobody stated that they are separate tests: the time before them is not known.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub new_clocks: Vec<String>,
 }
 
 impl AxisVerification {
@@ -235,24 +259,28 @@ impl Verification {
         !self.training_unknown && self.training_overlap.is_empty()
     }
 
-    /// Properties of the unit on which the limits or the retest are silent, in words: `; the fixed bias and memory are NOT judged`.
-    /// Empty where all are judged.
-    pub fn not_judged(&self) -> &'static str {
+    /// Properties of the unit on which the limits or the retest are silent, and what was overridden, in words: `; the fixed bias and memory
+    /// are NOT judged, overridden: input rate, 2 limits`. Empty where there is neither.
+    pub fn not_judged(&self) -> String {
         let bias = self.axes.iter().flat_map(|axis| &axis.limits);
         let bias = bias.filter(|limit| limit.name == "bias_repeatability_dph_max").any(|limit| limit.pass.is_none());
         let memory = self.axes.iter().any(AxisVerification::leaves_memory);
-        match (bias, memory) {
+        let silent = match (bias, memory) {
             (true, true) => "; the fixed bias and memory are NOT judged",
             (true, false) => "; the fixed bias is NOT judged",
             (false, true) => "; memory is NOT judged",
             (false, false) => "",
+        };
+        if self.overrides.is_empty() {
+            return silent.to_owned();
         }
+        format!("{silent}, overridden: {}", kinds(&self.overrides))
     }
 
     /// False when a limit is not met, or where limits were checked with a log of the fit.
     pub fn passed(&self) -> bool {
         let judged = self.axes.iter().any(|axis| axis.pass.is_some());
-        let sound = self.training_overlap.is_empty() && self.untested_axes.is_empty();
+        let sound = self.training_overlap.is_empty() && self.untested_axes.is_empty() && self.objections.is_empty();
         self.axes.iter().all(|axis| axis.pass != Some(false)) && (!judged || sound)
     }
 }

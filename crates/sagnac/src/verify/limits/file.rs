@@ -151,7 +151,7 @@ impl Limits {
 
     /// The limits given, and how much may be excluded where something was and the file does not state it.
     fn asked_of(&self, axis: &AxisVerification) -> impl Iterator<Item = (&'static LimitSpec, f64)> {
-        let implied = self.excluded_max.is_none() && axis.excluded_fraction.is_some();
+        let implied = self.excluded_max.is_none() && axis.left_out_fraction().is_some();
         let excluded = implied.then(|| SPECS.iter().find(|spec| spec.key == EXCLUDED)).flatten();
         self.given().into_iter().chain(excluded.map(|spec| (spec, DEFAULT_EXCLUDED_MAX)))
     }

@@ -10,6 +10,7 @@ use sagnac_log::error::{Error, Result};
 use sagnac_units::format::{file_name, significant};
 
 use crate::diagnostics::{ReportData, WindowPoint};
+use crate::verify::reservations::of_limits;
 use crate::verify::values::repeatability::RUN_WITHOUT_BIAS;
 use crate::verify::{AxisVerification, BiasRepeatability, Limits, Verdict, Verification};
 
@@ -50,7 +51,8 @@ impl Proof {
             axis.with_runs(runs).with_every_row(whole)
         };
         let axes = all.into_iter().enumerate().map(at_worst).collect();
-        let verification = Verification { axes, limits: Some(limits.source.clone()), ..self.verification };
+        let overrides = [self.verification.overrides, of_limits(limits)].concat();
+        let verification = Verification { axes, overrides, limits: Some(limits.source.clone()), ..self.verification };
         Ok(Self { verification, every_row, ..self })
     }
 

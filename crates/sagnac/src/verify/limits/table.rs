@@ -89,7 +89,7 @@ impl Applies {
                 let both = axis.turned_about && axis.scale_factor_calibrated;
                 unless(both, "needs a rate table in calibration and retest")
             }
-            Self::Excluding => unless(axis.excluded_fraction.is_some(), "no data excluded"),
+            Self::Excluding => unless(axis.left_out_fraction().is_some(), "no data excluded"),
             Self::SoaksAndRamps => {
                 unless(axis.residual.ramp_offset_dph.is_some(), "needs 20 windows of soaks and 20 of ramps")
             }
@@ -472,7 +472,7 @@ limits! {
     /// fraction of the time of the runs of which no row is usable
     missing_max: "time without usable rows, fraction", Most, WHOLE, "", Always,
         |a| plain(Some(a.missing_fraction)), "";
-    /// fraction of the rows that was excluded on request
-    excluded_max: "rows excluded on request, fraction", Most, WHOLE, "", Excluding,
-        |a| plain(a.excluded_fraction), "";
+    /// fraction of the rows that was excluded on request, or flagged and differs from its neighbours by over 4 σ
+    excluded_max: "rows excluded, or flagged and off, fraction", Most, WHOLE, "", Excluding,
+        |a| plain(a.left_out_fraction()), "";
 }

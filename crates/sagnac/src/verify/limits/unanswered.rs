@@ -34,6 +34,8 @@ pub fn unanswered(windows: &Windows, correction: &Correction, setup: &Setup) -> 
         raw: windows.clone(),
         corrected: windows.clone(),
         status: vec![vec![Status::OK; windows.len()]; windows.shape.axes.len()],
+        flagged_off: Vec::new(),
+        unseen_s: 0.0,
     };
     pair.leave_out_unknown(setup)?;
     let name = correction.calibration.as_ref().and_then(|calibration| calibration.thermometer_name());

@@ -7,15 +7,17 @@
 //!
 //! Bounds of windows follow from times and temperatures alone, which both sides share.
 
+use crate::verify::replay::clocks::unseen_ns;
 use crate::verify::replay::correction::Correction;
+use crate::verify::replay::flagged::{FlaggedOff, FlaggedWatch};
 use crate::verify::replay::options::VerifyOptions;
 use crate::verify::replay::tick_by_tick::{Corrected, Replay};
-use crate::window::{SeenLogs, WindowBuilder, Windows, mark_outliers};
+use crate::window::{Run, SeenLogs, WindowBuilder, Windows, mark_outliers};
 use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Batch, LogShape, Logs, Reason, same_shape};
-use sagnac_log::setup::Setup;
-use sagnac_units::ns_from_s;
+use sagnac_log::setup::{Setup, WindowSize};
+use sagnac_units::{ns_from_s, s_from_ns};
 
 use crate::rate_table::input::RateTableInput;
 
@@ -28,6 +30,10 @@ pub(crate) struct PairedWindows {
     pub(crate) corrected: Windows,
     /// Per axis and window: every status bit of its rows.
     pub(crate) status: Vec<Vec<Status>>,
+    /// Per axis, flagged rows that differ from their neighbours.
+    pub(crate) flagged_off: Vec<Option<FlaggedOff>>,
+    /// Time between files of one clock, s, which nobody has seen.
+    pub(crate) unseen_s: f64,
 }
 
 impl PairedWindows {
@@ -67,7 +73,7 @@ impl PairedWindows {
         }
         let pair =
             pair.ok_or_else(|| Error::input("no retest log is given", "give one or more logs after the calibration"))?;
-        Ok(pair.finish())
+        Ok(pair.finish(setup))
     }
 
     /// Leaves out windows whose table rate is not known, on both sides.
@@ -110,15 +116,18 @@ impl PairedWindows {
             raw: self.raw.only(&members),
             corrected: self.corrected.only(&members),
             status: self.status.iter().map(|column| members.iter().map(|i| column[*i]).collect()).collect(),
+            flagged_off: Vec::new(),
+            unseen_s: 0.0,
         }
     }
 
-    /// Part of the time between the first and the last row of the runs, or of one run, of which nothing is judged, 0 to 1: no row is usable, or
-    /// the rate of the table is not known.
+    /// Part of the time between the first and the last row of the runs, or of one run, of which nothing is judged, 0 to 1: no row is usable,
+    /// the rate of the table is not known, or it lies between files of one clock.
     pub(crate) fn missing_fraction(&self, of_run: Option<usize>) -> f64 {
         let counts = |run: usize| of_run.is_none_or(|of_run| of_run == run);
-        let whole: f64 =
+        let runs: f64 =
             (0..self.raw.runs.len()).filter(|run| counts(*run)).map(|run| self.raw.runs[run].length_s()).sum();
+        let whole = runs + if of_run.is_none() { self.unseen_s } else { 0.0 };
         let is_known = |i: &usize| {
             counts(self.raw.rows.run[*i] as usize) && self.raw.rows.excluded[*i] != Some(Reason::NoReference)
         };
@@ -137,12 +146,17 @@ struct PairBuilder {
     shape: LogShape,
     raw: WindowBuilder,
     corrected: WindowBuilder,
+    /// None on a table.
+    flagged: Option<FlaggedWatch>,
 }
 
 impl PairBuilder {
     fn new(shape: &LogShape, setup: &Setup) -> Result<Self> {
         let without_aux = LogShape { aux: Vec::new(), ..shape.clone() };
+        let window_s = setup.window.unwrap_or(WindowSize::DEFAULT).seconds();
+        let window_ns = window_s.and_then(ns_from_s).unwrap_or(shape.nominal_ns);
         Ok(Self {
+            flagged: (shape.timed && !shape.has_reference).then(|| FlaggedWatch::new(shape.axes.len(), window_ns)),
             shape: shape.clone(),
             raw: WindowBuilder::new(shape, setup)?.without_tracks(),
             corrected: WindowBuilder::new(&without_aux, setup)?.without_tracks(),
@@ -151,7 +165,9 @@ impl PairBuilder {
 
     fn begin_file(&mut self, batch: &Batch, name: &str) -> Result<bool> {
         self.raw.begin_file(batch, name)?;
-        self.corrected.begin_file(batch, name)
+        let goes_on = self.corrected.begin_file(batch, name)?;
+        self.flagged.iter_mut().filter(|_| !goes_on).for_each(FlaggedWatch::end_run);
+        Ok(goes_on)
     }
 
     fn push(&mut self, batch: &Batch, corrected: Corrected) -> Result<()> {
@@ -160,15 +176,25 @@ impl PairBuilder {
         let mut side = batch.clone();
         side.angle = angle;
         side.aux.clear();
+        if let Some(flagged) = &mut self.flagged {
+            if batch.begins_run {
+                flagged.end_run();
+            }
+            flagged.push(batch, &unrounded);
+        }
         // Random walk is estimated before rounding to whole counts: at rest the rounding is a slow saw, which a fit of
         // short τ reads as a walk.
         self.corrected.push_corrected(&side, &unrounded, &status)
     }
 
-    fn finish(self) -> PairedWindows {
+    fn finish(self, setup: &Setup) -> PairedWindows {
         let raw = self.raw.finish_whole();
         let (mut corrected, status) = self.corrected.keep_outliers().finish_with_status();
         corrected.exclude_as(&raw);
-        PairedWindows { raw, corrected, status }
+        let unseen_s = if raw.shape.timed { s_from_ns(unseen_ns(&raw.runs, setup)) } else { 0.0 };
+        let length_s = raw.runs.iter().map(Run::length_s).sum();
+        let finish = |flagged: FlaggedWatch| flagged.finish(length_s, raw.shape.unit.arcsec());
+        let flagged_off = self.flagged.map_or_else(Vec::new, finish);
+        PairedWindows { raw, corrected, status, flagged_off, unseen_s }
     }
 }

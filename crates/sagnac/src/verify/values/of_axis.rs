@@ -19,6 +19,7 @@ use crate::diagnostics::{
 };
 use crate::noise_model::stated::noise_of;
 use crate::verify::replay::correction::Correction;
+use crate::verify::replay::flagged::FlaggedOff;
 use crate::verify::replay::paired::PairedWindows;
 use crate::verify::result::{AxisVerification, Coverage, RetestNoiseFloor};
 use crate::verify::values::before_after::{DriftValues, Weighted, expected_range};
@@ -51,6 +52,8 @@ pub(crate) struct Retest<'a> {
     pub(crate) missing_fraction: f64,
     /// Part of the rows that was excluded on request, 0 to 1; `None` where nothing was asked to be excluded.
     pub(crate) excluded_fraction: Option<f64>,
+    /// Per axis the flagged rows that differ from their neighbours; empty of a run alone.
+    pub(crate) flagged_off: &'a [Option<FlaggedOff>],
     /// Where bumps, steps and start-up are searched for.
     pub(crate) suspects_in: Option<&'a Windows>,
 }
@@ -58,7 +61,13 @@ pub(crate) struct Retest<'a> {
 impl<'a> Retest<'a> {
     /// All windows of a retest, nothing excluded, nothing suspected.
     pub(crate) fn all(pair: &'a PairedWindows) -> Self {
-        Self { pair, missing_fraction: pair.missing_fraction(None), excluded_fraction: None, suspects_in: None }
+        Self {
+            pair,
+            missing_fraction: pair.missing_fraction(None),
+            excluded_fraction: None,
+            flagged_off: &pair.flagged_off,
+            suspects_in: None,
+        }
     }
 }
 
@@ -186,6 +195,7 @@ impl Against<'_> {
             out_of_span_fraction: in_span.map_or(0.0, |(image, sensor)| out_of_span(image, windows, used, sensor)),
             hours: used.iter().map(|i| windows.duration_s(*i)).sum::<f64>() / 3600.0,
             excluded_fraction: retest.excluded_fraction,
+            flagged_off: retest.flagged_off.get(axis).copied().flatten(),
             suspects: retest.suspects_in.map_or_else(Vec::new, |windows| suspects(windows, axis)),
             status_windows: prepared.status_windows(axis),
             limits: Vec::new(),
@@ -364,5 +374,6 @@ fn noise_floor(
         expected_peak_to_peak: expected_range(largest) * value,
         n: largest,
         source,
+        filter_hz: noise.filter_hz,
     })
 }

@@ -7,6 +7,7 @@ pub(crate) mod counts;
 mod hidden;
 pub(crate) mod many_files;
 mod memory;
+mod reservations;
 mod retest_intervals;
 mod sound;
 mod still;

@@ -1,0 +1,95 @@
+//! What speaks against a retest before any of its values does: facts that were stated otherwise than for the calibration, limits that were
+//! made easier, and noise that is not the unit's.
+//!
+//! ```text
+//! overrides     input rate, window, limits easier than their base set, a single limit      in the line of the verdict
+//! objections    another temperature offset; a retest quieter than the record               no acceptance, whatever the limits
+//! ```
+
+use crate::calibration::{Calibration, NoiseFloor};
+use crate::verify::limits::table::{Bound, Limits};
+use crate::verify::overrides::Override;
+use crate::verify::{AxisVerification, SETS, SPECS};
+use sagnac_log::setup::{RateUnit, Setup};
+use sagnac_units::format::significant;
+
+/// Input rates closer than this are one, °/h.
+const SAME_INPUT_DPH: f64 = 1e-6;
+/// Windows whose lengths differ by less than this part of them are alike.
+const SAME_WINDOW: f64 = 1e-6;
+
+/// A retest whose N is below this part of the record's, or whose B below that, is not of the same noise.
+const QUIETER_N: f64 = 0.5;
+const QUIETER_B: f64 = 1.0 / 3.0;
+/// Standard errors of an upper bound.
+const SIGMAS: f64 = 1.96;
+
+/// What the retest states otherwise than its calibration.
+pub(crate) fn of_retest(record: Option<&Calibration>, window_s: f64, axes: &[AxisVerification]) -> Vec<Override> {
+    let rates = axes.iter().filter_map(|axis| {
+        let bias = axis.bias_repeatability.as_ref()?;
+        let (calibration_dph, retest_dph) = (bias.calibration_input_rate_dph, bias.input_rate_dph);
+        let differs = (calibration_dph - retest_dph).abs() > SAME_INPUT_DPH;
+        differs.then_some(Override::InputRate { axis: axis.axis, calibration_dph, retest_dph })
+    });
+    let window = record.map(|record| record.window_s).filter(|of_fit| (window_s / of_fit - 1.0).abs() > SAME_WINDOW);
+    rates.chain(window.map(|calibration_s| Override::Window { calibration_s, retest_s: window_s })).collect()
+}
+
+/// Limits easier than those of their base set, and one that stands alone.
+pub(crate) fn of_limits(limits: &Limits) -> Vec<Override> {
+    let set = SETS.iter().find(|(set, _)| limits.base.as_deref() == Some(*set));
+    let base = set.and_then(|(_, text)| Limits::parse(text).ok());
+    let given = limits.given();
+    if let ([(spec, _)], None) = (given.as_slice(), &base) {
+        return vec![Override::SingleLimit { name: spec.key.to_owned() }];
+    }
+    let easier = SPECS.iter().filter_map(|spec| {
+        let (base, stated) = ((spec.stated)(base.as_ref()?)?, (spec.stated)(limits)?);
+        let is_easier = if spec.bound == Bound::Most { stated > base } else { stated < base };
+        is_easier.then(|| Override::Limit { name: spec.key.to_owned(), base, stated })
+    });
+    easier.collect()
+}
+
+/// The target knows no offset between temperature and counts but that of its calibration.
+pub(crate) fn other_offset(record: Option<&Calibration>, setup: &Setup) -> Option<String> {
+    let (of_fit, stated) = (record?.setup.temperature_offset_s, setup.temperature_offset_s);
+    (of_fit != stated).then(|| {
+        format!(
+            "the retest has temperature_offset_s = {stated}, its calibration {of_fit}; the target has no other offset"
+        )
+    })
+}
+
+/// Noise of the retest below that of the unit's own record, with 95 % confidence; of an axis.
+pub(crate) fn quieter(record: Option<&Calibration>, axis: &AxisVerification, units: RateUnit) -> Option<String> {
+    let fit = record?.axes.iter().find(|of_fit| of_fit.axis == axis.axis)?.fit.as_ref()?;
+    let floor = fit.noise_floor.as_ref()?;
+    let why = of_walk(floor, axis).or_else(|| of_filter(floor, axis)).or_else(|| {
+        let (own, shown) = (fit.slow_noise.as_ref()?.bias_instability_dph?, axis.residual.bias_instability_dph?);
+        let at_most = shown.value + SIGMAS * shown.sigma;
+        let [at_most_text, own_text] = [at_most, own].map(|dph| units.text(dph, 2));
+        (at_most < QUIETER_B * own).then(|| format!("B is at most {at_most_text}, there {own_text}"))
+    })?;
+    Some(format!("axis {}: the retest is quieter than the unit's own record: {why}", axis.axis))
+}
+
+fn of_walk(floor: &NoiseFloor, axis: &AxisVerification) -> Option<String> {
+    let [_, at_most] = axis.residual.random_walk?.after_ends_deg_rt_h?;
+    let [at_most_text, own] = [at_most, floor.n_deg_rt_h].map(|n| significant(n, 2));
+    (at_most < QUIETER_N * floor.n_deg_rt_h).then(|| format!("N is at most {at_most_text} °/√h, there {own}"))
+}
+
+/// A filter that both have is no fault.
+fn of_filter(floor: &NoiseFloor, axis: &AxisVerification) -> Option<String> {
+    let shown_hz = axis.noise_floor.as_ref()?.filter_hz?;
+    let hz = significant(shown_hz, 2);
+    match floor.filter_hz {
+        None => Some(format!("its rows are filtered at about {hz} Hz, those of the record are not")),
+        Some(own_hz) if shown_hz < QUIETER_N * own_hz => {
+            Some(format!("its rows are filtered at about {hz} Hz, there at {} Hz", significant(own_hz, 2)))
+        }
+        Some(_) => None,
+    }
+}
