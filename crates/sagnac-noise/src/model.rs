@@ -115,6 +115,28 @@ pub(crate) struct Model<'a> {
 impl<'a> Model<'a> {
     /// The laws from the first τ on at which they hold. `count_arcsec` is one count of a record that consists of whole counts.
     pub(crate) fn new(points: &[RawPoint], tau0_s: f64, stretches: &'a Stretches, count_arcsec: Option<f64>) -> Self {
+        let model = Self::lawful(points, tau0_s, stretches, count_arcsec);
+        let added = model.rounding_of_lost_rows();
+        if added == 0.0 {
+            return model;
+        }
+        let without = |p: &RawPoint| {
+            let rest = p.variance - added / (p.m * tau0_s);
+            RawPoint { m: p.m, edf: p.edf, uncertain: p.uncertain, variance: rest.max(LEAST_REST * p.variance) }
+        };
+        let points: Vec<RawPoint> = points.iter().map(without).collect();
+        Self::lawful(&points, tau0_s, stretches, count_arcsec)
+    }
+
+    /// A lost row also loses the rounding that it shares with its neighbours: with a fraction p of the rows filled with means, N² grows by
+    /// 2pQ²/τ0, arcsec²/s.
+    fn rounding_of_lost_rows(&self) -> f64 {
+        let lost = 1.0 - self.stretches.recorded_part();
+        let q2 = self.fitted.map_or(0.0, |fitted| fitted.coefficient(AllanTerm::Quantization).max(0.0));
+        2.0 * lost * q2 / self.tau0_s
+    }
+
+    fn lawful(points: &[RawPoint], tau0_s: f64, stretches: &'a Stretches, count_arcsec: Option<f64>) -> Self {
         let plain = Self::of(points, Laws::PLAIN, &AllanTerm::ALL, tau0_s, stretches);
         let Some(found) = plain.agreement().filter(|of| !of.holds || of.below_zero) else { return plain };
         let from = |first: usize| Self::of(&points[first..], Laws::FILTERED, &AllanTerm::ALL, tau0_s, stretches);

@@ -112,6 +112,8 @@ impl AxisCalibration {
 fn of_noise(fit: &FitDiagnostics, units: RateUnit, notes: &mut Vec<Note>) {
     notes.extend(unexplained(fit, units));
     notes.extend(fit.lack_of_fit.iter().map(|lack| Note::of(NoteLevel::Warning, NoteAbout::Curve, lack.note(units))));
+    let memory = fit.memory.as_ref().and_then(|memory| memory.note(units));
+    notes.extend(memory.map(|text| Note::of(NoteLevel::Note, NoteAbout::Curve, text)));
     let filter_hz = fit.noise_floor.as_ref().and_then(|floor| floor.filter_hz);
     notes.extend(filter_hz.map(|hz| {
         let hz = significant(hz, 2);

@@ -13,8 +13,7 @@ fn a_stated_noise_model_wins() {
     let half = |noise: Option<Noise>| {
         let setup = Setup { noise, ..Bench::setup() };
         let made = fit(vec![bench.log()], &setup, "bias 3").unwrap();
-        let found = made.axes[0].evaluate(60.0, 0.0);
-        found.upper_dph.unwrap() - found.lower_dph.unwrap()
+        made.axes[0].predict(60.0).unwrap().curve_dph
     };
     let [white, own, more] =
         [(0.0, 0.0), (0.0, 0.01), (0.0, 0.1)].map(|(b, k)| half(Some(Noise::walk(0.003).slow(b, k))));

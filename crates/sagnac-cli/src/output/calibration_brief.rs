@@ -87,10 +87,8 @@ fn row(axis: &AxisCalibration, drawn: &AxisReportData, units: RateUnit) -> Vec<S
 fn curve_error_dph(axis: &AxisCalibration) -> Option<f64> {
     let [lo, hi] = axis.span_c();
     let step = (hi - lo) / (TEMPERATURES - 1) as f64;
-    let half = |at: usize| {
-        let value = axis.evaluate(lo + step * at as f64, 0.0);
-        Some(0.5 * (value.upper_dph? - value.lower_dph?))
-    };
+    // The last step may end a rounding beyond the span.
+    let half = |at: usize| Some(axis.predict((lo + step * at as f64).min(hi))?.curve_dph);
     (0..TEMPERATURES).filter_map(half).reduce(f64::max)
 }
 

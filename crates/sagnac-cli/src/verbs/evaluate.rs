@@ -97,6 +97,10 @@ impl Verb for Args {
             ));
         } else {
             evaluated.axes.iter().for_each(|axis| console.say(describe(axis, units)));
+            let memory = |axis: &AxisCalibration| axis.fit.as_ref()?.memory?.note(units);
+            for axis in &calibration.axes {
+                memory(axis).iter().for_each(|text| console.note(format!("axis {}: {text}", axis.axis)));
+            }
         }
         console.object(&evaluated)?;
         Ok(Outcome::Done)
@@ -160,7 +164,7 @@ fn describe(axis: &EvaluatedAxis, units: RateUnit) -> String {
             units.number(point.drift_dph, 4),
             interval,
             significant(point.scale_ppm, 4),
-            if point.in_span { String::new() } else { "outside the span: as at its border".to_owned() },
+            if point.in_span { String::new() } else { "outside the tested temperatures or rates".to_owned() },
         ]
     });
     let title = format!("axis {}: °C", axis.axis);

@@ -9,8 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::calibration::{
     Candidate, Collinearity, CorrectionNoise, CorrectionTerm, CrossValidation, CurveSpread, Entanglement, FitResidual,
-    FixedBias, Hysteresis, Input, LackOfFit, Lag, Misalignment, Monomial, NoiseFloor, PriorUse, RejectedInput,
-    RejectedModel, RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, TimeEffect, WarmUp, WholeNoise,
+    FixedBias, Hysteresis, Input, LackOfFit, Lag, MemoryAtRest, Misalignment, Monomial, NoiseFloor, PriorUse,
+    RejectedInput, RejectedModel, RunOffset, ScaleFactor, SearchStep, SlowNoiseTerms, Soak, TimeEffect, WarmUp,
+    WholeNoise,
 };
 
 /// Makes [`FitDiagnostics`] and [`AxisRecord`] of one list of diagnostics, in the order of the file.
@@ -112,6 +113,10 @@ diagnostics! {
         [default, skip_serializing_if = "Option::is_none"] whole_noise: Option<WholeNoise>,
         /// Heating against cooling; absent where the test does not hold both.
         [default, skip_serializing_if = "Option::is_none"] hysteresis: Option<Hysteresis>,
+        /// Memory of temperature at rest; absent where the test does not move both ways, or says that there is none.
+        [default, skip_serializing_if = "Option::is_none"] memory: Option<MemoryAtRest>,
+        /// σ of the effect of the temperature rate that a model without a rate term leaves open, °/h per °C/min; absent with rate terms.
+        [default, skip_serializing_if = "Option::is_none"] rate_left_dph_per_cpm: Option<f64>,
         /// What the selection of the model, and a lag that is not resolved, add to the uncertainty of the curve; absent where nothing.
         [default, skip_serializing_if = "Option::is_none"] curve_spread: Option<CurveSpread>,
         /// What the rows contradict the model with; absent where they do not.

@@ -12,6 +12,9 @@ use crate::calibration::term::CorrectionTerm;
 use crate::calibration::uncertainty::{Evaluation, Prediction, SCALE_AT_REFERENCE};
 use crate::model::{ActsOn, TermShape};
 
+/// How much faster than the ramps of the test a rate may be that it still stands for.
+const RATE_MARGIN: f64 = 1.5;
+
 /// Rate of an input, per minute.
 type RateOf<'a> = &'a dyn Fn(&Input) -> f64;
 const AT_REST: RateOf<'static> = &|_| 0.0;
@@ -111,7 +114,7 @@ impl AxisCalibration {
     }
 
     /// The correction at a temperature within the span and a temperature rate, with its 95 % interval: zero at T0 and rest.
-    /// The interval is `None` where nothing was fitted here. Outside of the spans the correction is the one at the border, as
+    /// The interval holds what memory of temperature and a rate effect without a term may add; it is `None` where nothing was fitted here. Outside of the spans the correction is the one at the border, as
     /// on the target.
     pub fn evaluate(&self, celsius: f64, rate_cpm: f64) -> Evaluation {
         let main = self.thermometer();
@@ -132,8 +135,17 @@ impl AxisCalibration {
         let drift_dph = sum(ActsOn::Bias);
         let half = self.fit.as_ref().map(|fit| {
             let own = self.variance_of(&self.rows(ActsOn::Bias, at_c, rate, reference_c));
-            let sigma = (own + self.spread_variance(at_c)).sqrt();
-            fit.residual.t_quantile_975 * sigma
+            let left = fit.rate_left_dph_per_cpm.map_or(0.0, |left| (left * rate_cpm).powi(2));
+            let sigma = (own + self.spread_variance(at_c) + left).sqrt();
+            let memory = fit.memory.map_or(0.0, |memory| memory.half_dph);
+            (fit.residual.t_quantile_975 * sigma).hypot(memory)
+        });
+        // Without a rate term there is no span of rates: the test's own, as wide as that of a term would be.
+        let tested =
+            self.fit.as_ref().filter(|fit| fit.rate_left_dph_per_cpm.is_some()).and_then(|fit| fit.ramp_rates_cpm);
+        let is_tested = tested.is_none_or(|ends| {
+            let [lo, hi] = ends.map(|end| RATE_MARGIN * end);
+            (lo.min(0.0)..=hi.max(0.0)).contains(&rate_cpm)
         });
         Evaluation {
             temperature_c: celsius,
@@ -142,7 +154,7 @@ impl AxisCalibration {
             lower_dph: half.map(|half| drift_dph - half),
             upper_dph: half.map(|half| drift_dph + half),
             scale_ppm: sum(ActsOn::ScaleFactor),
-            in_span: at_c == celsius && !self.correction.terms.iter().any(is_clamped),
+            in_span: at_c == celsius && is_tested && !self.correction.terms.iter().any(is_clamped),
         }
     }
 

@@ -41,5 +41,5 @@ pub use crate::calibration::search::{
 pub use crate::calibration::term::CorrectionTerm;
 pub(crate) use crate::calibration::uncertainty::SCALE_AT_REFERENCE;
 pub use crate::calibration::uncertainty::{
-    CurveSpread, Evaluation, Hysteresis, LackOfFit, Prediction, SlowNoiseTerms, Soak, SoakRow,
+    CurveSpread, Evaluation, Hysteresis, LackOfFit, MemoryAtRest, Prediction, SlowNoiseTerms, Soak, SoakRow,
 };

@@ -19,6 +19,39 @@ pub struct Hysteresis {
     pub sigma_dph: f64,
 }
 
+/// Memory of temperature at rest: friction, mounting stress, a play operator. On ramps it looks like an effect of the temperature rate.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct MemoryAtRest {
+    /// Bias at rest after heating less that after cooling, at one temperature, °/h; null where none was soaked from both sides.
+    pub difference_dph: Option<f64>,
+    /// Its standard error, °/h.
+    pub sigma_dph: Option<f64>,
+    /// Temperature of these soaks, °C.
+    pub temperature_c: Option<f64>,
+    /// How far memory may move the bias at rest to either side, °/h: half of that difference, where it is significant; without such soaks half
+    /// of the difference of the ramps. Zero where neither is.
+    pub half_dph: f64,
+}
+
+impl MemoryAtRest {
+    /// In a sentence, where memory may move the bias.
+    pub fn note(&self, units: RateUnit) -> Option<String> {
+        let half = units.text(self.half_dph, 2);
+        let says = match (self.difference_dph, self.sigma_dph, self.temperature_c) {
+            (Some(difference), Some(sigma), Some(celsius)) => format!(
+                "memory: at rest at {celsius:.0} °C the bias after heating is {} {} from that after cooling, so ± {half} at rest",
+                units.with_sigma(difference, Some(sigma)),
+                units.name()
+            ),
+            _ => format!(
+                "memory and rate effect are not separated: at rest the bias may be ± {half} off; soak at 25 °C from both sides"
+            ),
+        };
+        (self.half_dph > 0.0).then_some(says)
+    }
+}
+
 /// The uncertainty of the curve at one temperature, now and after soaking there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[non_exhaustive]

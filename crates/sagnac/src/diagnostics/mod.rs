@@ -3,6 +3,7 @@
 //! Nothing here is a result: results are in the record.
 
 pub(crate) mod profile;
+pub(crate) mod soaks;
 
 use crate::model::{ActsOn, Form};
 use crate::window::Windows;

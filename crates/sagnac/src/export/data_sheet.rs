@@ -176,7 +176,7 @@ fn budget(out: &mut String, calibration: &Calibration, axis: &AxisCalibration, i
     let main = axis.thermometer();
     let _ = writeln!(
         out,
-        "\n## Error budget\n\nAt rest, over the span of {}; every other input at its reference. The interval is that of the fit's curve, 95 %. Image − record is what \
+        "\n## Error budget\n\nAt rest, over the span of {}; every other input at its reference. The interval is that of the fit's curve, 95 %, with what memory of temperature may add. Image − record is what \
          integers add: the correction that the target computes from the thermometer's code, less that of the record at the same temperature.\n\n\
          | T, °C | correction, °/h | interval, ± °/h | image − record, °/h |\n|---|---|---|---|",
         cell(&main.name)

@@ -4,7 +4,7 @@
 //! rows ─▶ blocks of 1 s, 16 rows at least ─▶ variance within each ─▶ moving: over 100 times that of the quiet twentieth ─▶ longest rest
 //! ```
 //!
-//! Three blocks in a row are motion; one is a shock or a wrong row. A long record has longer blocks, each with the larger variance of its
+//! Three blocks in a row are motion; one is a shock. Wrong rows, however many, leave quarters of their blocks quiet. A long record has longer blocks, each with the larger variance of its
 //! two halves, so memory does not grow with it.
 //!
 //! Fails where a record moves from its first row to its last (its curve has a hump instead: [`Hump`](sagnac_noise::Hump)), and where a
@@ -23,6 +23,8 @@ const LEAST_ROWS: u64 = 16;
 const MOST_BLOCKS: usize = 1 << 14;
 /// Fewer blocks show no quiet part.
 const FEWEST_BLOCKS: usize = 20;
+/// Parts of a block.
+const QUARTERS: usize = 4;
 /// Part of the blocks that is quiet in any record worth its name.
 const QUIET_PART: usize = 20;
 /// Variance over that of a quiet block: ten times in deviation.
@@ -98,8 +100,22 @@ struct Block {
 struct OpenBlock {
     block: Block,
     count: u64,
-    /// Per axis: the first value, and sums of the values less it and of their squares.
-    sums: Vec<[f64; 3]>,
+    /// Per axis: the first value, and per quarter the number of values, the sum of the values less it and of their squares.
+    sums: Vec<(f64, [[f64; 3]; QUARTERS])>,
+}
+
+/// Variance of n values by their sum and that of their squares.
+fn variance([n, sum, squares]: [f64; 3]) -> f64 {
+    (squares - sum * sum / n).max(0.0) / (n - 1.0).max(1.0)
+}
+
+/// Variance of a block, and that of its motion: a motion slower than the block has a 16th of it in a quarter, a shock has all of it in one.
+fn variances(quarters: &[[f64; 3]; QUARTERS]) -> [f64; 2] {
+    let whole = quarters.iter().fold([0.0; 3], |[n, sum, squares], of| [n + of[0], sum + of[1], squares + of[2]]);
+    let mut each = quarters.map(variance);
+    each.sort_by(f64::total_cmp);
+    let whole = variance(whole);
+    [whole, whole.min((QUARTERS * QUARTERS) as f64 * each[1])]
 }
 
 /// Judges rows as they are read.
@@ -111,8 +127,8 @@ pub(crate) struct RestWatch {
     /// Logs that were read to their end.
     files: Vec<String>,
     blocks: Vec<Block>,
-    /// Per axis and block.
-    variance: Vec<Vec<f64>>,
+    /// Per axis and block: its variance, and that of its motion.
+    variance: Vec<Vec<[f64; 2]>>,
     open: Option<OpenBlock>,
     /// Per axis: the last value and the least step between two, which is that of the counter or of the digits.
     steps: Vec<[f64; 2]>,
@@ -149,13 +165,16 @@ impl RestWatch {
         let open = self.open.get_or_insert_with(|| OpenBlock {
             block,
             count: 0,
-            sums: values().map(|value| [value, 0.0, 0.0]).collect(),
+            sums: values().map(|value| (value, [[0.0; 3]; QUARTERS])).collect(),
         });
+        let quarter = ((open.count * QUARTERS as u64 / self.block_rows) as usize).min(QUARTERS - 1);
         open.count += 1;
         open.block.length_ns += length_ns;
         open.block.rows[1] = place;
-        for ((value, [first, sum, squares]), [before, least]) in values().zip(&mut open.sums).zip(&mut self.steps) {
+        for ((value, (first, quarters)), [before, least]) in values().zip(&mut open.sums).zip(&mut self.steps) {
             let off = value - *first;
+            let [n, sum, squares] = &mut quarters[quarter];
+            *n += 1.0;
             *sum += off;
             *squares += off * off;
             let step = (value - std::mem::replace(before, value)).abs();
@@ -174,9 +193,8 @@ impl RestWatch {
             return;
         }
         self.blocks.push(block);
-        let n = count as f64;
-        for (column, [_, sum, squares]) in self.variance.iter_mut().zip(sums) {
-            column.push((squares - sum * sum / n).max(0.0) / (n - 1.0));
+        for (column, (_, quarters)) in self.variance.iter_mut().zip(sums) {
+            column.push(variances(&quarters));
         }
         if self.blocks.len() >= MOST_BLOCKS {
             self.join_pairs();
@@ -195,7 +213,8 @@ impl RestWatch {
                 ..block
             });
             for column in &mut self.variance {
-                column[kept] = if next.is_some() { column[at].max(column[at + 1]) } else { column[at] };
+                let larger = |of: usize| column[at][of].max(column[at + 1][of]);
+                column[kept] = if next.is_some() { [larger(0), larger(1)] } else { column[at] };
             }
             (at, kept) = (at + 1 + usize::from(next.is_some()), kept + 1);
         }
@@ -220,12 +239,12 @@ impl RestWatch {
         }
         let mut moves = vec![false; self.blocks.len()];
         for (column, [_, step]) in self.variance.iter().zip(&self.steps) {
-            let mut quiet: Vec<f64> = column.iter().copied().filter(|variance| *variance > 0.0).collect();
+            let mut quiet: Vec<f64> = column.iter().map(|[whole, _]| *whole).filter(|whole| *whole > 0.0).collect();
             quiet.sort_by(f64::total_cmp);
             // Rounding of a step alone has a variance of a twelfth of its square.
             let quiet = quiet.get(quiet.len() / QUIET_PART).copied().unwrap_or(f64::INFINITY);
             let most = MOVING * quiet.max(if step.is_finite() { step * step / 12.0 } else { 0.0 });
-            moves.iter_mut().zip(column).for_each(|(moves, variance)| *moves |= *variance > most);
+            moves.iter_mut().zip(column).for_each(|(moves, [_, motion])| *moves |= *motion > most);
         }
         join(&mut moves);
         let length_s = |blocks: &[Block]| s_from_ns(blocks.iter().map(|block| block.length_ns).sum());

@@ -5,6 +5,7 @@ use sagnac::calibration::Calibration;
 use sagnac_log::setup::Setup;
 
 use super::{Bench, Now, usual};
+use crate::support::at_rest;
 use crate::support::evidence::{Bounds, Records, ratio};
 use crate::support::fit;
 
@@ -71,10 +72,9 @@ pub(crate) fn shown_by(
         let made = one(record);
         let axis = &made.axes[0];
         let errors = AT_C.map(|celsius| {
-            let found = axis.evaluate(celsius, 0.0);
-            let true_dph = rest(celsius) - rest(25.0);
-            let (lower, upper) = (found.lower_dph.unwrap(), found.upper_dph.unwrap());
-            (found.drift_dph - true_dph, lower <= true_dph && true_dph <= upper, 0.5 * (upper - lower))
+            let (drift_dph, half_dph) = at_rest(axis, celsius);
+            let off_dph = drift_dph - (rest(celsius) - rest(25.0));
+            (off_dph, off_dph.abs() <= half_dph, half_dph)
         });
         let found = axis.fit.as_ref().unwrap();
         (axis.correction.model.clone(), [found.noise_exceeds_setup, found.lack_of_fit.is_some()], errors)

@@ -12,6 +12,7 @@ use sagnac_log::setup::Noise;
 
 use super::lots::{Fleet, Gyro, MODEL, OF_UNITS, gyro};
 use super::{Bench, Dice, N_DEG_RT_H, QUANTUM_ARCSEC};
+use crate::support::at_rest;
 use crate::support::evidence::Records;
 use crate::support::reader;
 use crate::support::rows::Rows;
@@ -140,9 +141,10 @@ fn values(made: &Calibration, gyro: Gyro, limits: &Limits) -> (bool, f64) {
     let errors: Vec<f64> = celsius
         .iter()
         .map(|celsius| {
-            let (found, truth) = (axis.evaluate(*celsius, 0.0), gyro.curve(*celsius) - from);
-            held += f64::from(u8::from((found.lower_dph.unwrap()..=found.upper_dph.unwrap()).contains(&truth)));
-            found.drift_dph - truth
+            let (drift_dph, half_dph) = at_rest(axis, *celsius);
+            let off_dph = drift_dph - (gyro.curve(*celsius) - from);
+            held += f64::from(u8::from(off_dph.abs() <= half_dph));
+            off_dph
         })
         .collect();
     let mean = errors.iter().sum::<f64>() / 12.0;

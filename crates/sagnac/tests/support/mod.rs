@@ -4,7 +4,7 @@ pub(crate) mod evidence;
 pub(crate) mod records;
 pub(crate) mod rows;
 
-use sagnac::calibration::Calibration;
+use sagnac::calibration::{AxisCalibration, Calibration};
 use sagnac::fit::{FitOptions, Model, calibrate};
 use sagnac::verify::{Correction, Verification, VerifyOptions, verify};
 use sagnac::window::{WindowBuilder, Windows};
@@ -48,4 +48,11 @@ pub(crate) fn paper_setup() -> Setup {
 pub(crate) fn farthest(values: impl IntoIterator<Item = f64>, wanted: f64) -> f64 {
     let values = values.into_iter();
     values.max_by(|a, b| (a - wanted).abs().total_cmp(&(b - wanted).abs())).unwrap()
+}
+
+/// The curve at rest and the half width of its interval, °/h, without what memory of temperature may add; at the border outside the span.
+pub(crate) fn at_rest(axis: &AxisCalibration, celsius: f64) -> (f64, f64) {
+    let [lo, hi] = axis.span_c();
+    let found = axis.predict(celsius.clamp(lo, hi)).unwrap();
+    (found.drift_dph, found.curve_dph)
 }

@@ -2,8 +2,8 @@
 
 use crate::calibration::{
     AxisCalibration, AxisCorrection, Collinearity, CorrectionNoise, CurveSpread, Entanglement, FitDiagnostics,
-    FitResidual, FixedBias, Hysteresis, LackOfFit, LogUnit, PriorUse, RunOffset, Soak, Target, TimeEffect,
-    TimeEffectKind, WholeNoise,
+    FitResidual, FixedBias, Hysteresis, LackOfFit, LogUnit, MemoryAtRest, PriorUse, RunOffset, Soak, Target,
+    TimeEffect, TimeEffectKind, WholeNoise,
 };
 use crate::diagnostics::{
     AxisReportData, WindowPoint, hysteresis_of, offsets_hide_drift, points, ramp_rates_cpm, run_spans,
@@ -29,7 +29,9 @@ use crate::fit::selection::held_by_image::ImageCheck;
 use crate::fit::selection::prices::CONDITION_MAX;
 use crate::fit::selection::selected::Selected;
 use crate::fit::uncertainty::entanglement::entangled;
+use crate::fit::uncertainty::memory::memory_at_rest;
 use crate::fit::uncertainty::other_curves::spread_and_lack_of_fit;
+use crate::fit::uncertainty::rate_left::rate_left;
 use crate::fit::uncertainty::soak::soak;
 use crate::fit::uncertainty::whole_noise::whole_noise;
 use crate::image::Holder;
@@ -109,7 +111,7 @@ pub(crate) fn fit_axis(
     let points = &report_data.points;
     let residual = residual(fitted);
     // A prior's uncertainty is in its covariance.
-    let test_alone = if options.prior.is_some() { OfTest::default() } else { OfTest::of(&one, sensor, stated) };
+    let test_alone = if options.prior.is_some() { OfTest::default() } else { OfTest::of(&one, points, sensor, stated) };
     let diagnostics = FitDiagnostics {
         hysteresis: hysteresis(points, &residual),
         ramp_rates_cpm: ramp_rates_cpm(points),
@@ -123,6 +125,8 @@ pub(crate) fn fit_axis(
             .map(|conditioning| Collinearity { condition: conditioning.condition, limit: CONDITION_MAX }),
         correction_noise: (!fitted.terms.is_empty()).then(|| one.correction_noise.clone()),
         whole_noise: test_alone.whole_noise,
+        memory: test_alone.memory,
+        rate_left_dph_per_cpm: test_alone.rate_left_dph_per_cpm,
         curve_spread: test_alone.curve_spread,
         lack_of_fit: test_alone.lack_of_fit,
         slow_noise: best.terms(white_variance(best).sqrt()),
@@ -161,6 +165,8 @@ fn unknown_input(axis: char, axes: usize) -> Error {
 /// What other models, more soaking and what moved together make of the curve: of the test alone.
 #[derive(Default)]
 struct OfTest {
+    memory: Option<MemoryAtRest>,
+    rate_left_dph_per_cpm: Option<f64>,
     soak: Option<Soak>,
     curve_spread: Option<CurveSpread>,
     lack_of_fit: Option<LackOfFit>,
@@ -169,7 +175,7 @@ struct OfTest {
 }
 
 impl OfTest {
-    fn of(one: &OneFit<'_>, sensor: usize, stated: Option<(SlowNoise, f64)>) -> Self {
+    fn of(one: &OneFit<'_>, drawn: &[WindowPoint], sensor: usize, stated: Option<(SlowNoise, f64)>) -> Self {
         let OneFit { selected, fitted, noise, .. } = one;
         let (problem, slow) = (&selected.problem, noise.estimate.best);
         let curve = FittedCurve::of(problem, fitted);
@@ -178,6 +184,8 @@ impl OfTest {
         let profile = points(windows, &run_spans(windows), Some(sensor), |_| 0.0, |_| 0.0);
         let white = noise.white_variance(problem, fitted, slow);
         Self {
+            memory: memory_at_rest(problem, drawn, &residual(fitted), |celsius| curve.at(celsius).0),
+            rate_left_dph_per_cpm: rate_left(problem, fitted, slow, white),
             soak: soak(problem, fitted, slow),
             curve_spread,
             lack_of_fit,

@@ -16,7 +16,7 @@ use nalgebra::DMatrix;
 
 use crate::diagnostics::WindowPoint;
 use crate::model::Span;
-use crate::noise_model::blocks::{Estimated, noise_of_blocks};
+use crate::noise_model::blocks::{Estimated, RowNoise, noise_of_blocks};
 use crate::noise_model::likelihood::{Block, Rows, mean};
 use crate::verify::values::judged_windows::{lag1_autocorrelation, smooth_columns, smooth_order, spread};
 
@@ -81,12 +81,26 @@ impl RetestNoise {
         (self.noise.best.between(&self.rows, &about), widening)
     }
 
+    /// Standard error of the mean of a run itself, °/h: slow noise moves it as a whole. A walk counts from the start of the run on.
+    pub(crate) fn sigma_of_mean_dph(&self, run: usize) -> f64 {
+        let parts = parts_of_mean(&self.rows, run);
+        let variance = |noise: RowNoise| noise.between(&self.rows, &parts)[(0, 0)];
+        self.noise.widening(variance) * variance(self.noise.best).max(0.0).sqrt()
+    }
+
     /// Standard error of one such value, °/h, of which 1.96 are a 95 % interval.
     pub(crate) fn sigma_dph(&self, parts: &[f64]) -> f64 {
         let parts = DMatrix::from_column_slice(parts.len(), 1, parts);
         let (variance, widening) = self.covariance(&parts, |variance| variance[(0, 0)]);
         widening * variance[(0, 0)].max(0.0).sqrt()
     }
+}
+
+/// Windows with the parts that they have in a mean over their time.
+fn parts_of_mean(rows: &Rows, run: usize) -> DMatrix<f64> {
+    let of_run = |i: usize| if rows.run[i] == run { rows.weight[i] } else { 0.0 };
+    let whole: f64 = (0..rows.run.len()).map(of_run).sum();
+    DMatrix::from_fn(rows.run.len(), 1, |i, _| of_run(i) / whole)
 }
 
 /// The mean of a group of windows.

@@ -166,8 +166,8 @@ impl Against<'_> {
         let points = &report_data.axes[axis].points;
         let noise = RetestNoise::of(&judged_windows::judged(points), *about_common_mean);
         let scale_factor = drifts.scale_proof(used, axis, self.sensor);
-        let calibrated = self.correction.calibration.as_ref().and_then(|calibration| calibration.setup.turn_ons);
-        let bias = BiasRepeatability::of(drifts, windows, used, axis, record, calibrated, self.setup);
+        let turn_ons = self.correction.calibration.as_ref().and_then(|calibration| calibration.setup.turn_ons);
+        let bias = BiasRepeatability::of(drifts, windows, used, axis, &noise, (record, turn_ons), self.setup);
         Ok(AxisVerification {
             axis: letter,
             before,

@@ -8,8 +8,8 @@
 //! scale factor       mean over the plateaus after correction less ε0 of the record, ppm
 //! ```
 //!
-//! σ of a run's mean comes from the means of eight stretches of the run, so that slow noise is in it. A change that takes as
-//! long as the run itself is in the difference, not in its σ.
+//! σ of a run's mean is the larger of two: from the means of eight stretches of the run, and from the slow noise that the windows show
+//! ([`super::noise`]), which moves the run as a whole.
 //!
 //! Needs the input rate, from the setup (`input_rate_dph`, `[earth]`): without it a difference of bias is none of the gyro's.
 
@@ -19,6 +19,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::calibration::{AxisCalibration, FixedBias, PpmEstimate};
 use crate::verify::values::judged_windows::Estimate;
+use crate::verify::values::noise::RetestNoise;
 use crate::verify::values::rate_table::{PairedDrifts, ScaleProof};
 use crate::window::Windows;
 use sagnac_log::setup::{RateUnit, Setup, TurnOnCount, input_rate_hint};
@@ -110,8 +111,8 @@ impl BiasRepeatability {
         windows: &Windows,
         used: &[usize],
         axis: usize,
-        record: Option<&AxisCalibration>,
-        calibrated: Option<TurnOnCount>,
+        noise: &RetestNoise,
+        (record, calibrated): (Option<&AxisCalibration>, Option<TurnOnCount>),
         setup: &Setup,
     ) -> Result<Self, String> {
         let record = record.ok_or("an image alone does not state the bias of the calibration")?;
@@ -127,7 +128,8 @@ impl BiasRepeatability {
             }
             let after = mean_of(windows, &members, |i| drifts.corrected.rate_dph(axis, i))?;
             let before = mean_of(windows, &members, |i| drifts.raw.rate_dph(axis, i))?;
-            let bias_dph = Estimate { value: after.value - input_dph, sigma: after.sigma };
+            let sigma = after.sigma.max(noise.sigma_of_mean_dph(run));
+            let bias_dph = Estimate { value: after.value - input_dph, sigma };
             let difference = bias_dph.value - calibration_dph.value;
             Some(RunBias {
                 file: file_name(&windows.runs[run].name()),

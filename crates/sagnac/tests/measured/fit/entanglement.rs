@@ -2,6 +2,7 @@
 //! generator that shares no code with the program.
 
 use crate::hostile::{Bench, Now};
+use crate::support::at_rest;
 use crate::support::evidence::{Records, evidence};
 use crate::support::fit;
 use rayon::prelude::*;
@@ -35,9 +36,8 @@ fn part(of: &[AxisCalibration], holds: impl Fn(&AxisCalibration) -> bool) -> f64
 fn coverage(of: &[AxisCalibration], truth: fn(Now) -> f64) -> f64 {
     let rest = |celsius: f64| truth(Now { celsius, cpm: 0.0, lagged_cpm: 0.0, slow_cpm: 0.0, hours: 0.0 });
     let holds = |axis: &AxisCalibration, celsius: f64| {
-        let found = axis.evaluate(celsius, 0.0);
-        let true_dph = rest(celsius) - rest(25.0);
-        found.lower_dph.unwrap() <= true_dph && true_dph <= found.upper_dph.unwrap()
+        let (drift_dph, half_dph) = at_rest(axis, celsius);
+        (drift_dph - (rest(celsius) - rest(25.0))).abs() <= half_dph
     };
     let held: usize = of.iter().map(|axis| AT_C.iter().filter(|celsius| holds(axis, **celsius)).count()).sum();
     held as f64 / (of.len() * AT_C.len()) as f64

@@ -1,5 +1,6 @@
 //! Are intervals, selection and forecasts of a calibration right?
 
+mod at_rate;
 pub(crate) mod coverage;
 mod enough;
 pub(crate) mod entanglement;

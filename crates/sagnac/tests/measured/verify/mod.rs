@@ -9,6 +9,7 @@ pub(crate) mod many_files;
 mod memory;
 mod reservations;
 mod retest_intervals;
+mod slow_bias;
 mod sound;
 mod still;
 mod turn_ons;

@@ -46,7 +46,7 @@ impl Kind {
         let found = verify(&correction, retest, &setup, VerifyOptions::default()).unwrap();
         let found = found.limits(&navigation()).unwrap();
         if !found.passed() {
-            println!("{seed}, {input_dph:.2} °/h: {:?}", missed(&found));
+            println!("{seed}, {input_dph:.2} °/h: {:?} {:?}", missed(&found), found.verification.objections);
         }
         found.passed()
     }
