@@ -71,6 +71,12 @@ impl AxisCalibration {
         weights.filter_map(|(term, weight)| Some((self.row_of(term)?, weight))).collect()
     }
 
+    /// The drift at a temperature while each input has its rate, less that at T0 at rest, °/h.
+    pub(crate) fn drift_at_rates(&self, celsius: f64, rate_of: &dyn Fn(&Input) -> f64) -> f64 {
+        let weights = self.weights(ActsOn::Bias, celsius, rate_of, self.reference_c());
+        weights.map(|(term, weight)| term.value * weight).sum()
+    }
+
     /// The drift at rest at a temperature less that at another, °/h.
     pub fn drift(&self, celsius: f64, from_c: f64) -> f64 {
         self.weights(ActsOn::Bias, celsius, AT_REST, from_c).map(|(term, weight)| term.value * weight).sum()

@@ -16,6 +16,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use crate::calibration::AxisCalibration;
+use crate::compare::triangle::{Apart, apart};
 use crate::verify::{Estimate, LimitSpec, Limits, TurnOns, Verdict};
 use sagnac_log::setup::TurnOnCount;
 
@@ -33,7 +34,13 @@ pub struct ComparedLimit {
 }
 
 /// Every limit that a comparison asks, in the order of the limits' own table.
-pub const COMPARED: [ComparedLimit; 9] = [
+pub const COMPARED: [ComparedLimit; 12] = [
+    ComparedLimit {
+        key: "sigma_beyond_floor_dph_max",
+        label: "rms of the difference of two corrections on ramps of ±1 °C/min",
+        from: "up and down over the temperatures that all records span, each correction behind its own lag",
+        value: |all| all.pairs(|a, b| Ok(all.triangle(a, b)?.residual_dph)),
+    },
     ComparedLimit {
         key: "span_covered_min",
         label: "temperatures that all records have, as a fraction of those that any has",
@@ -54,6 +61,18 @@ pub const COMPARED: [ComparedLimit; 9] = [
         label: "difference of two rate effects at T0",
         from: "records with rate terms",
         value: |all| all.of_rates(),
+    },
+    ComparedLimit {
+        key: "hysteresis_dph_max",
+        label: "difference of two corrections on these ramps, heating less cooling",
+        from: "the same ramps",
+        value: |all| all.pairs(|a, b| Ok(all.triangle(a, b)?.hysteresis_dph)),
+    },
+    ComparedLimit {
+        key: "arw_deg_rt_h_max",
+        label: "largest N of a record",
+        from: "records that know their noise",
+        value: |all| all.largest_walk(),
     },
     ComparedLimit {
         key: "temperature_residual_dph_max",
@@ -211,6 +230,22 @@ impl ComparedRecords<'_> {
             let slope = |at: usize| effects[at].map(estimate).ok_or_else(|| self.lacks(at, "rate term"));
             Ok(difference(slope(a)?, slope(b)?))
         })
+    }
+
+    /// Both corrections on ramps over the common span.
+    fn triangle(&self, a: usize, b: usize) -> Result<Apart, String> {
+        let ends = self.temperatures_c.first().zip(self.temperatures_c.last()).filter(|(lo, hi)| lo < hi);
+        let (lo_c, hi_c) = ends.ok_or("no common temperatures")?;
+        Ok(apart([self.axes[a], self.axes[b]], [*lo_c, *hi_c]))
+    }
+
+    /// Noise does not cancel in a difference: the noisiest record counts.
+    fn largest_walk(&self) -> ComparedValue {
+        let walk = |axis: &&AxisCalibration| Some(axis.fit.as_ref()?.noise_floor.as_ref()?.n_deg_rt_h);
+        let all: Option<Vec<f64>> = self.axes.iter().map(walk).collect();
+        let largest = all.and_then(|all| all.into_iter().reduce(f64::max));
+        largest
+            .map_or_else(|| ComparedValue::Unknown("a record does not know its noise".to_owned()), ComparedValue::Bound)
     }
 
     fn lacks(&self, at: usize, what: &str) -> String {

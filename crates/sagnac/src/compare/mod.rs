@@ -15,6 +15,7 @@
 
 mod changes;
 mod limits;
+mod triangle;
 
 pub use changes::Change;
 pub use limits::{COMPARED, ComparedLimit};

@@ -10,7 +10,7 @@
 //! Fails where a block is so slow that nothing of a soak is steady.
 
 use crate::diagnostics::{Leg, WindowPoint};
-use crate::rate_table::plateaus::level_stretches;
+use crate::window::level_stretches;
 
 /// Fewer windows of a soak show nothing.
 const FEWEST: usize = 5;

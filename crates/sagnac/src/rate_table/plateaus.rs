@@ -23,11 +23,9 @@ use crate::noise_model::processes::SlowNoise;
 use crate::rate_table::input::{RateTableInput, SAME_RATE};
 use crate::rate_table::plateau_noise::PlateauNoise;
 use crate::rate_table::turned_window::{KnownNoise, TurnedWindow};
-use crate::window::Windows;
+use crate::window::{REACH_C, Windows, level_stretches};
 use nalgebra::{DMatrix, DVector};
 
-/// Largest distance of a plateau's windows from its mean, °C.
-const REACH_C: f64 = 1.0;
 /// Fewer windows give no uncertainty.
 const FEWEST: usize = 4;
 /// A slope farther than this from one means that the gyro does not follow its table.
@@ -87,25 +85,6 @@ fn plateaus(windows: &[TurnedWindow], known: KnownNoise) -> Vec<Plateau> {
     let levels: Vec<Vec<usize>> = whole.iter().map(|stretch| rate_of_each(stretch)).collect();
     let noise = PlateauNoise::of(&whole, &levels, known);
     whole.iter().zip(&levels).filter_map(|(windows, levels)| plateau(windows, levels, &noise)).collect()
-}
-
-/// Stretches of one run whose temperature stays within reach of its own mean so far, as ranges of the windows.
-pub(crate) fn level_stretches(places: impl Iterator<Item = (usize, f64)>) -> Vec<std::ops::Range<usize>> {
-    let mut stretches: Vec<std::ops::Range<usize>> = Vec::new();
-    let (mut of_run, mut sum) = (0, 0.0);
-    for (index, (run, celsius)) in places.enumerate() {
-        let joins =
-            stretches.last().is_some_and(|last| of_run == run && (sum / last.len() as f64 - celsius).abs() <= REACH_C);
-        match stretches.last_mut().filter(|_| joins) {
-            Some(last) => last.end = index + 1,
-            None => {
-                stretches.push(index..index + 1);
-                sum = 0.0;
-            }
-        }
-        (of_run, sum) = (run, sum + celsius);
-    }
-    stretches
 }
 
 fn mean_c<'a>(windows: impl ExactSizeIterator<Item = &'a TurnedWindow>) -> f64 {

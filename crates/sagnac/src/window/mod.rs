@@ -6,6 +6,7 @@
 //! filter can be run for any τ without the log.
 
 mod build;
+mod level;
 mod outliers;
 mod rest;
 mod still;
@@ -16,6 +17,7 @@ mod windows;
 
 pub(crate) use crate::window::build::SeenLogs;
 pub use crate::window::build::WindowBuilder;
+pub(crate) use crate::window::level::{REACH_C, level_stretches};
 pub(crate) use crate::window::outliers::{holds_whole_numbers, is_whole, mark as mark_outliers, suspected};
 pub(crate) use crate::window::rest::RestWatch;
 pub use crate::window::rest::{Rest, RestSpan};

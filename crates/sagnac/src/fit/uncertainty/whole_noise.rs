@@ -18,7 +18,7 @@ use crate::fit::problem::least_squares::LeastSquares;
 use crate::noise_model::blocks::{RowNoise, noise_of_blocks};
 use crate::noise_model::likelihood::{Block, Rows};
 use crate::noise_model::processes::SlowNoise;
-use crate::rate_table::plateaus::level_stretches;
+use crate::window::level_stretches;
 use nalgebra::DMatrix;
 
 /// A soak of fewer windows is left out.

@@ -15,9 +15,10 @@ use crate::calibration::{Plateau, PpmEstimate};
 use crate::noise_model::processes::SlowNoise;
 use crate::noise_model::stated::stated_noise;
 use crate::rate_table::input::RateTableInput;
-use crate::rate_table::plateaus::{level_stretches, plateaus_of};
+use crate::rate_table::plateaus::plateaus_of;
 use crate::verify::replay::paired::PairedWindows;
 use crate::window::Windows;
+use crate::window::level_stretches;
 use sagnac_log::error::Result;
 use sagnac_log::setup::Setup;
 

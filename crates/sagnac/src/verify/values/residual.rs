@@ -20,10 +20,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::diagnostics::{Leg, WindowPoint};
 use crate::model::Span;
-use crate::rate_table::plateaus::level_stretches;
 use crate::verify::values::judged_windows::{Estimate, joined, judged, smooth_columns, smooth_order};
 use crate::verify::values::memory::{Memory, memory};
 use crate::verify::values::noise::RetestNoise;
+use crate::window::level_stretches;
 use sagnac_noise::{Deviation, Difference, SquareSum, overlapping, phases};
 
 /// Fewer windows are no plateau.

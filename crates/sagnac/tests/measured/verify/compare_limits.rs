@@ -2,7 +2,7 @@
 //! logs of a generator that shares no code with the program: three months of one gyro, two runs each.
 
 use crate::hostile::{Bench, Dice, Now, fraction};
-use crate::support::evidence::evidence;
+use crate::support::evidence::{Records, evidence};
 use crate::support::fit;
 use crate::support::rows::{Rows, to_decimals};
 use sagnac::compare::{Comparison, compare};
@@ -205,4 +205,34 @@ fn what_one_record_has_not_visited_is_not_unchanged() {
         "≥ 1",
         20,
     );
+}
+
+/// A lag of the rate effect that went from nothing to 900 s, at 0.1 °/h per °C/min, and an N that tripled: neither is in the curves at rest,
+/// nor in the size of the rate effect. Both passed 10 and 5 times of as many.
+#[test]
+fn a_lag_and_a_noise_that_changed_are_refused() {
+    const RECORDS: Records = Records::new(60).few(15);
+    let limits = navigation();
+    let month = |seed: u64, rate_lag_s: f64, n_deg_rt_h: f64| {
+        let drift = |now: Now| 0.02 * now.u() + 0.1 * now.lagged_cpm;
+        let run = |k: u64| Bench { rate_lag_s, n_deg_rt_h, cycles: 1, ..Bench::new(10 * seed + k, &drift) }.log();
+        let setup = sagnac::Setup { turn_ons: Some(TurnOnCount::FILES), ..Bench::setup() };
+        fit((0..2).map(run).collect(), &setup, "bias 3, rate 0").unwrap()
+    };
+    let found = |seed: u64, lag_s: f64, n_deg_rt_h: f64| {
+        judged(vec![month(7000 + 2 * seed, 1.0, 0.003), month(7001 + 2 * seed, lag_s, n_deg_rt_h)], &limits)
+    };
+    let misses = |found: &Comparison, key: &str| !found.passed() && missed(found).contains(&key);
+    let lag = fraction(RECORDS, |seed| misses(&found(seed, 900.0, 0.003), "hysteresis_dph_max"));
+    evidence("`compare` refuses a lag that went from 0 to 900 s by `hysteresis_dph_max`", lag, "≥ 0.95", RECORDS);
+    let noise = fraction(RECORDS, |seed| misses(&found(seed, 1.0, 0.009), "arw_deg_rt_h_max"));
+    evidence("`compare` refuses an N that tripled by `arw_deg_rt_h_max`", noise, "≥ 1", RECORDS);
+    let same = fraction(RECORDS, |seed| {
+        let found = found(seed, 1.0, 0.003);
+        if !found.passed() {
+            println!("{seed}: {:?}", missed(&found));
+        }
+        found.passed()
+    });
+    evidence("`compare` accepts an unchanged gyro with a rate effect of 0.1 °/h per °C/min", same, "≥ 0.95", RECORDS);
 }
