@@ -143,7 +143,10 @@ impl AxisCalibration {
             let own = self.variance_of(&self.rows(ActsOn::Bias, at_c, rate, reference_c));
             let left = fit.rate_left_dph_per_cpm.map_or(0.0, |left| (left * rate_cpm).powi(2));
             let sigma = (own + self.spread_variance(at_c) + left).sqrt();
-            let memory = fit.memory.map_or(0.0, |memory| memory.half_dph);
+            // On the ramps of the test the correction is right, whether memory or rate made their difference: at rest all of it is open.
+            let ramp_cpm = fit.ramp_rates_cpm.map(|[lo, hi]| 0.5 * (hi - lo)).filter(|ramp_cpm| *ramp_cpm > 0.0);
+            let away = ramp_cpm.map_or(1.0, |ramp_cpm| (1.0 - rate_cpm.abs() / ramp_cpm).abs());
+            let memory = fit.memory.map_or(0.0, |memory| away * memory.half_dph);
             (fit.residual.t_quantile_975 * sigma).hypot(memory)
         });
         // Without a rate term there is no span of rates: the test's own, as wide as that of a term would be.
