@@ -69,7 +69,7 @@ fn compare_holds_what_changed_against_limits() {
     let folder = three_records();
     let at = |name: &str| folder.path().join(name).display().to_string();
     let limits = at("limits.toml");
-    fs::write(&limits, "decision = \"guarded\"\ntemperature_residual_dph_max = 0.04\narw_deg_rt_h_max = 0.01\n")
+    fs::write(&limits, "decision = \"guarded\"\ntemperature_residual_dph_max = 0.04\narw_increase_max = 1.05\n")
         .unwrap();
     let run = |records: &[String], page: &str| {
         let mut command = sagnac();

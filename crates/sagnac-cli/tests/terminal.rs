@@ -66,7 +66,9 @@ fn every_command_fits_terminals_of_60_to_200_columns() {
     }
     // A pipe gets each line whole.
     let whole = assert_cmd::Command::cargo_bin("sagnac").unwrap().current_dir(at).args(["inspect", "a.json"]).output();
-    let whole = String::from_utf8(whole.unwrap().stdout).unwrap();
+    let whole = whole.unwrap();
+    // A terminal shows notes next to it.
+    let whole = String::from_utf8([whole.stdout, whole.stderr].concat()).unwrap();
     assert!(whole.lines().any(|line| line.chars().count() > 100), "{whole}");
     // The words are the same, but for the rules of tables.
     let words = |text: &str| -> Vec<String> {
