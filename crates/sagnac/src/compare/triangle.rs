@@ -52,7 +52,7 @@ fn cycle(axis: &AxisCalibration, [lo_c, hi_c]: [f64; 2], leg: usize) -> Vec<f64>
     let mut lagged = vec![-RATE_CPM; inputs.len()];
     let mut out = Vec::with_capacity(2 * leg);
     for step in 0..4 * leg {
-        let (is_heating, along) = (step / leg % 2 == 0, (step % leg) as f64 + 0.5);
+        let (is_heating, along) = ((step / leg).is_multiple_of(2), (step % leg) as f64 + 0.5);
         let part = along / leg as f64;
         let celsius = if is_heating { lo_c + part * (hi_c - lo_c) } else { hi_c - part * (hi_c - lo_c) };
         let rate_cpm = if is_heating { RATE_CPM } else { -RATE_CPM };
