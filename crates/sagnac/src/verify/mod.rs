@@ -86,7 +86,8 @@ pub fn verify<'a>(
     let overrides = reservations::of_retest(record, window_s, &axes);
     let units = setup.units.unwrap_or_default();
     let quieter = axes.iter().filter_map(|axis| reservations::quieter(record, axis, units));
-    let objections = quieter.chain(reservations::other_offset(record, setup)).collect();
+    let repeated = whole.repeat.map(reservations::repeated);
+    let objections = quieter.chain(reservations::other_offset(record, setup)).chain(repeated).collect();
     let verification = Verification {
         program: program(),
         serial: correction.serial(),

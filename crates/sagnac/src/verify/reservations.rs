@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! overrides     input rate, window, limits easier than their base set, a single limit      in the line of the verdict
-//! objections    another temperature offset; a retest quieter than the record               no acceptance, whatever the limits
+//! objections    another temperature offset; a retest quieter than the record; copied rows  no acceptance, whatever the limits
 //! ```
 
 use crate::calibration::{Calibration, NoiseFloor};
@@ -11,6 +11,7 @@ use crate::verify::limits::table::{Bound, Limits};
 use crate::verify::overrides::Override;
 use crate::verify::{AxisVerification, SETS, SPECS};
 use sagnac_log::setup::{RateUnit, Setup};
+use sagnac_noise::Repeat;
 use sagnac_units::format::significant;
 
 /// Input rates closer than this are one, °/h.
@@ -92,4 +93,10 @@ fn of_filter(floor: &NoiseFloor, axis: &AxisVerification) -> Option<String> {
         }
         Some(_) => None,
     }
+}
+
+/// Rows that came before count once.
+pub(crate) fn repeated(repeat: Repeat) -> String {
+    let [hours, percent] = [repeat.lag_s / 3600.0, 100.0 * repeat.shared].map(|value| significant(value, 3));
+    format!("rows of the retest repeat those {hours} h before: {percent} % of their noise is the same")
 }

@@ -36,6 +36,7 @@ pub fn unanswered(windows: &Windows, correction: &Correction, setup: &Setup) -> 
         status: vec![vec![Status::OK; windows.len()]; windows.shape.axes.len()],
         flagged_off: Vec::new(),
         unseen_s: 0.0,
+        repeat: None,
     };
     pair.leave_out_unknown(setup)?;
     let name = correction.calibration.as_ref().and_then(|calibration| calibration.thermometer_name());
