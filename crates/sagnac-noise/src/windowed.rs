@@ -138,6 +138,13 @@ impl WindowedCurve {
         self.octaves.iter().enumerate().filter_map(point)
     }
 
+    /// σ² at two rows over that at one: 1/4 of rounding, 1/2 of white noise, more where neighbouring rows correlate.
+    pub fn second_over_first(&self) -> Option<f64> {
+        let mut points = self.all_points();
+        let (first, second) = (points.next()?, points.next()?);
+        (first.m == 1.0 && second.m == 2.0).then(|| second.variance / first.variance)
+    }
+
     /// Where the curve rises to a place far above all that N, B and K allow of every other τ: motion, or a strong line. White noise
     /// behind a filter rises, too, but N explains its fall; rounding falls faster, but from the shortest τ on.
     pub fn hump(&self) -> Option<Hump> {

@@ -245,7 +245,8 @@ fn remarks(verification: &Verification, units: RateUnit) -> Vec<Remark> {
     let judged = verification.axes.iter().any(|axis| axis.pass.is_some());
     let objections = verification.objections.iter().skip(usize::from(judged)).cloned().map(Remark::warning);
     let overrides = verification.overrides.iter().map(|one| Remark::note(format!("overridden: {}", one.words(units))));
-    let clocks = verification.new_clocks.iter().map(|file| Remark::note(new_clock(file)));
+    let clocks = verification.new_clocks.iter().map(|file| new_clock(file));
+    let clocks = clocks.chain(verification.unseen_h.map(unseen)).map(Remark::note);
     let of_axis = move |axis: &AxisVerification| {
         let about = |text: String| Remark { is_warning: true, axes: vec![axis.axis], text };
         let repeats = axis.repeats_profile.then(|| {
@@ -263,4 +264,9 @@ fn remarks(verification: &Verification, units: RateUnit) -> Vec<Remark> {
 /// A file whose clock begins again.
 pub(crate) fn new_clock(file: &str) -> String {
     format!("{file} begins a new clock: the time before it is not known (--runs: separate tests, --one-run: one)")
+}
+
+/// Time between files of one clock.
+pub(crate) fn unseen(hours: f64) -> String {
+    format!("{} h between files of one clock count as missing (--runs: they are separate tests)", significant(hours, 3))
 }

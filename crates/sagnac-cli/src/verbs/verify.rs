@@ -19,7 +19,7 @@ use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::tables::{excluded, limits_table};
 use crate::output::terminal::table;
-use crate::output::verification_brief::{new_clock, verification_brief};
+use crate::output::verification_brief::{new_clock, unseen, verification_brief};
 use crate::verbs::verb::Verb;
 
 /// Verify a correction on a separate test
@@ -165,6 +165,7 @@ fn reservations(console: &mut Console, verification: &Verification, units: RateU
     for file in &verification.new_clocks {
         console.note(new_clock(file));
     }
+    verification.unseen_h.iter().for_each(|hours| console.note(unseen(*hours)));
     for axis in &verification.axes {
         axis.flagged_off
             .iter()

@@ -68,6 +68,13 @@ pub struct NoiseFloor {
     /// −3 dB frequency of the low-pass filter behind which the rows were logged, Hz, to about a fifth; absent without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub filter_hz: Option<f64>,
+    /// How neighbouring rows correlate: σ² at two rows over that at one, 0.25 of rounding, 0.5 of white noise, more behind a filter; absent
+    /// where the rows do not show it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub second_over_first: Option<f64>,
+    /// Interval of a row, s; absent without times.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub row_s: Option<f64>,
 }
 
 /// The fixed bias that a correction removes, with the drift over temperature.

@@ -25,7 +25,9 @@ pub(crate) fn noise_floor_of(windows: &Windows, axis: usize, setup: &Setup) -> O
     let (MeasuredNoise { terms, filter_hz, .. }, source) = noise_of(windows, axis, setup)?;
     let value_dph = Some(terms.floor_dph(windows.shape.nominal_s)).filter(|value| value.is_finite() && *value > 0.0)?;
     let (n_deg_rt_h, q_arcsec, source) = (terms.n_deg_rt_h(), terms.q_arcsec, source.to_owned());
-    Some(NoiseFloor { value_dph, n_deg_rt_h, q_arcsec, source, filter_hz })
+    let second_over_first = windows.second_over_first(axis);
+    let row_s = windows.shape.timed.then_some(windows.shape.sample_interval_s);
+    Some(NoiseFloor { value_dph, n_deg_rt_h, q_arcsec, source, filter_hz, second_over_first, row_s })
 }
 
 /// The slow noise that a setup states, and the white variance of a nominal window next to it, (°/h)².

@@ -41,13 +41,13 @@ pub use values::residual::{Plateaus, RandomWalk, RetestResidual};
 pub use values::suspects::Suspect;
 
 use crate::calibration::{LogFile, log_files, program};
-use crate::verify::replay::clocks::new_clocks;
 use crate::verify::replay::paired::PairedWindows;
 use crate::verify::values::of_axis::{Against, Retest, unit_of};
 use crate::window::refuse_still;
 use sagnac_log::error::Result;
 use sagnac_log::ingest::{LogReader, Logs, hex, share_rows};
 use sagnac_log::setup::Setup;
+use sagnac_units::s_from_ns;
 
 /// Replays retest logs through the images of a correction and compares both sides, window by window. Every window that has
 /// counts is judged, unless the options exclude some.
@@ -105,7 +105,8 @@ pub fn verify<'a>(
         training_unknown: correction.calibration.is_none(),
         overrides,
         objections,
-        new_clocks: new_clocks(&windows.runs, setup),
+        new_clocks: whole.clocks.new.clone(),
+        unseen_h: Some(s_from_ns(whole.clocks.unseen_ns) / 3600.0).filter(|hours| *hours > 0.0),
         inputs: log_files(windows).into_iter().map(LogFile::named).collect(),
     };
     let several = pair.raw.runs.len() > 1 && !verification.axes.iter().any(|axis| axis.about_common_mean);

@@ -35,6 +35,8 @@ pub enum Override {
         /// In the file.
         stated: f64,
     },
+    /// The base set asks for a guard band, and the file for the value alone.
+    Decision,
     /// The file has no other limit than this.
     SingleLimit {
         /// Its key.
@@ -55,6 +57,7 @@ impl Override {
                 format!("window: {calibration} s in the calibration, {retest} s in the retest")
             }
             Self::Limit { name, base, stated } => format!("{name}: {base} in the base set, {stated} in the file"),
+            Self::Decision => "decision: guarded in the base set, simple in the file".to_owned(),
             Self::SingleLimit { name } => format!("no other limit than {name}"),
         }
     }
@@ -72,6 +75,7 @@ pub(crate) fn kinds(overrides: &[Override]) -> String {
             1 => Some("1 limit".to_owned()),
             n => Some(format!("{n} limits")),
         },
+        has(|one| matches!(one, Override::Decision), "decision"),
         has(|one| matches!(one, Override::SingleLimit { .. }), "a single limit"),
     ];
     all.into_iter().flatten().collect::<Vec<_>>().join(", ")

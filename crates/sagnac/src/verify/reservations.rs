@@ -9,7 +9,7 @@
 use crate::calibration::{Calibration, NoiseFloor};
 use crate::verify::limits::table::{Bound, Limits};
 use crate::verify::overrides::Override;
-use crate::verify::{AxisVerification, SETS, SPECS};
+use crate::verify::{AxisVerification, DecisionRule, SETS, SPECS};
 use sagnac_log::setup::{RateUnit, Setup};
 use sagnac_noise::Repeat;
 use sagnac_units::format::significant;
@@ -22,6 +22,10 @@ const SAME_WINDOW: f64 = 1e-6;
 /// A retest whose N is below this part of the record's, or whose B below that, is not of the same noise.
 const QUIETER_N: f64 = 0.5;
 const QUIETER_B: f64 = 1.0 / 3.0;
+/// σ² at two rows over that at one, more than the record has: white noise has 0.5, a mean of three rows 1.2.
+const CORRELATED: f64 = 0.4;
+/// Rows of intervals that differ by less than this part of them are alike.
+const SAME_ROWS: f64 = 0.1;
 /// Standard errors of an upper bound.
 const SIGMAS: f64 = 1.96;
 
@@ -50,7 +54,10 @@ pub(crate) fn of_limits(limits: &Limits) -> Vec<Override> {
         let is_easier = if spec.bound == Bound::Most { stated > base } else { stated < base };
         is_easier.then(|| Override::Limit { name: spec.key.to_owned(), base, stated })
     });
-    easier.collect()
+    let rule = |limits: &Limits| limits.decision.unwrap_or_default();
+    let is_unguarded =
+        base.as_ref().is_some_and(|base| rule(base) == DecisionRule::Guarded) && rule(limits) == DecisionRule::Simple;
+    easier.chain(is_unguarded.then_some(Override::Decision)).collect()
 }
 
 /// The target knows no offset between temperature and counts but that of its calibration.
@@ -82,17 +89,15 @@ fn of_walk(floor: &NoiseFloor, axis: &AxisVerification) -> Option<String> {
     (at_most < QUIETER_N * floor.n_deg_rt_h).then(|| format!("N is at most {at_most_text} °/√h, there {own}"))
 }
 
-/// A filter that both have is no fault.
+/// Neighbouring rows that correlate, where those of the record do not: a filter that both have is no fault. Of rows alike.
 fn of_filter(floor: &NoiseFloor, axis: &AxisVerification) -> Option<String> {
-    let shown_hz = axis.noise_floor.as_ref()?.filter_hz?;
-    let hz = significant(shown_hz, 2);
-    match floor.filter_hz {
-        None => Some(format!("its rows are filtered at about {hz} Hz, those of the record are not")),
-        Some(own_hz) if shown_hz < QUIETER_N * own_hz => {
-            Some(format!("its rows are filtered at about {hz} Hz, there at {} Hz", significant(own_hz, 2)))
-        }
-        Some(_) => None,
-    }
+    let [shown, row_s] = axis.noise_floor.as_ref()?.second_over_first?;
+    let own =
+        floor.second_over_first.filter(|_| floor.row_s.is_some_and(|own_s| (own_s / row_s - 1.0).abs() < SAME_ROWS))?;
+    (shown > own + CORRELATED).then(|| {
+        let [shown, own] = [shown, own].map(|ratio| significant(ratio, 2));
+        format!("its neighbouring rows correlate (σ² at two rows is {shown} of that at one, there {own})")
+    })
 }
 
 /// Rows that came before count once.

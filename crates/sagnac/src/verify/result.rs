@@ -38,9 +38,9 @@ pub struct RetestNoiseFloor {
     pub n: usize,
     /// Where it comes from.
     pub source: String,
-    /// −3 dB frequency of a low-pass filter that the rows show, Hz; absent without one.
+    /// How neighbouring rows correlate: σ² at two rows over that at one, and the interval of a row, s; absent where they do not show it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub filter_hz: Option<f64>,
+    pub second_over_first: Option<[f64; 2]>,
 }
 
 /// How much of the temperatures of the fit a retest saw.
@@ -243,6 +243,9 @@ pub struct Verification {
     /// Files whose clock begins again, where nobody stated that they are separate tests: the time before them is not known.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub new_clocks: Vec<String>,
+    /// Hours between files of one clock, where nobody stated that they are separate tests: they count as missing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unseen_h: Option<f64>,
 }
 
 impl AxisVerification {

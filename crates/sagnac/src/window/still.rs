@@ -1,14 +1,14 @@
 //! A counter that nothing turns: a gyro in lock-in, a wire that fell off, a total that froze.
 //!
 //! ```text
-//! φ_k     sum of the angles of a run up to window k, less its straight line
-//! still   σ(φ) ≤ 0.8·σ(angle of a window)
+//! φ_k     sum of the angles of 100 windows up to window k, less its straight line
+//! still   σ(φ) ≤ 0.8·σ(angle of a window), and all of them together turn by no more than 8 of these; or no row ever differs from the next
 //! ```
 //!
-//! The jitter of a phase cancels from window to window: σ(φ) is 0.71 of σ(angle), however long the run. Angle random walk adds up: after
+//! The jitter of a phase cancels from window to window: σ(φ) is 0.71 of σ(angle), however many there are. Angle random walk adds up: after
 //! n windows σ(φ)² is n/15 of σ(angle)² on average. Slow noise and a drift over temperature add up faster.
 //!
-//! Fails on runs of fewer than [`FEWEST`] windows, on a jitter that is itself a random walk, and so on logs of rates.
+//! Fails where a counter stands for less than 150 windows, on a jitter that is itself a random walk, and so on logs of rates.
 
 use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
@@ -19,17 +19,19 @@ use sagnac_units::format::significant;
 const FEWEST: usize = 100;
 /// Between the 0.71 of a jitter, ± 0.04 with so few windows, and a walk.
 const STILL: f64 = 0.8;
-/// Scatter below this part of the largest angle is the rounding of sums.
-const ROUNDING: f64 = 1e-12;
+/// Largest angle of all of them, over the jitter of one.
+const MOST_TURNED: f64 = 8.0;
 
 /// The first axis that is still, in words.
 pub(crate) fn still_text(windows: &Windows) -> Option<String> {
     let axes = windows.shape.axes.iter().enumerate();
-    let (letter, arcsec) = axes.filter_map(|(axis, letter)| Some((letter, still_arcsec(windows, axis)?))).next()?;
-    let hours = (0..windows.len()).map(|i| windows.duration_s(i)).sum::<f64>() / 3600.0;
-    let [arcsec, hours] = [arcsec, hours].map(|value| significant(value, 2));
+    let (letter, still) = axes.filter_map(|(axis, letter)| Some((letter, still(windows, axis)?))).next()?;
+    let hours = |from: usize, to: usize| (from..to).map(|i| windows.duration_s(i)).sum::<f64>() / 3600.0;
+    let from_h = hours(0, still.first);
+    let [arcsec, of_h] = [still.arcsec, hours(still.first, still.last + 1)].map(|value| significant(value, 2));
+    let from = if still.first == 0 { String::new() } else { format!(" from {} h on", significant(from_h, 2)) };
     Some(format!(
-        "axis {letter} shows nothing but the jitter of its count: in {hours} h its angle leaves a straight line by {arcsec} arcsec (σ)"
+        "axis {letter} shows nothing but the jitter of its count{from}: in {of_h} h its angle moves by {arcsec} arcsec (σ)"
     ))
 }
 
@@ -40,50 +42,47 @@ pub(crate) fn refuse_still(windows: &Windows) -> Result<()> {
     still_text(windows).map_or(Ok(()), |text| Err(Error::refused(text, help)))
 }
 
-/// σ of the angle of an axis about the straight lines of its runs, arcsec, where that is all it ever moves; `None` where it moves more, or
-/// where no run is long enough.
-fn still_arcsec(windows: &Windows, axis: usize) -> Option<f64> {
+/// Windows in which a counter stood.
+struct Still {
+    first: usize,
+    last: usize,
+    /// σ of its angle.
+    arcsec: f64,
+}
+
+/// The first [`FEWEST`] windows in a row whose angle only jitters.
+fn still(windows: &Windows, axis: usize) -> Option<Still> {
     // A rate that jitters about zero looks like angle random walk.
     if windows.shape.is_turned || windows.shape.unit == AngleUnit::Arcsec {
         return None;
     }
     let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
     let runs = used.chunk_by(|a, b| windows.rows.run[*a] == windows.rows.run[*b]);
-    let (mut of_windows, mut of_phase, mut largest) = (Spread::default(), Spread::default(), 0.0_f64);
-    for run in runs.filter(|run| run.len() >= FEWEST) {
-        let (total, length_s) = run.iter().fold((0.0, 0.0), |(total, length_s), i| {
-            (total + windows.rows.angle[axis][*i], length_s + windows.duration_s(*i))
-        });
-        let about_mean = |i: &usize| windows.rows.angle[axis][*i] - total / length_s * windows.duration_s(*i);
-        let angles: Vec<f64> = run.iter().map(about_mean).collect();
-        let phases = angles.iter().scan(0.0, |sum, angle| {
-            *sum += angle;
-            Some(*sum)
-        });
-        of_phase.add(&about_line(&phases.collect::<Vec<f64>>()));
-        of_windows.add(&angles);
-        largest = run.iter().fold(largest, |most, i| most.max(windows.rows.angle[axis][*i].abs()));
-    }
-    let is_still = of_phase.sigma()? <= (STILL * of_windows.sigma()?).max(ROUNDING * largest);
-    is_still.then_some(of_phase.sigma()? * windows.shape.unit.arcsec())
+    runs.flat_map(|run| run.windows(FEWEST).step_by(FEWEST / 2)).find_map(|part| {
+        let angles: Vec<f64> = part.iter().map(|i| windows.rows.angle[axis][*i]).collect();
+        let phases: Vec<f64> = angles
+            .iter()
+            .scan(0.0, |sum, angle| {
+                *sum += angle;
+                Some(*sum)
+            })
+            .collect();
+        let (of_windows, of_phase) = (sigma(&angles), sigma(&about_line(&phases)));
+        // A gyro that counts by an input rate runs, however quiet it is; one that repeats the same count for hours does not.
+        let counts_by = phases.last().is_some_and(|total| total.abs() > MOST_TURNED * of_windows);
+        let is_frozen =
+            part.iter().all(|i| windows.rows.squares[axis][*i].shortest().is_some_and(|(square, _)| square == 0.0));
+        let is_still = is_frozen || !counts_by && of_phase <= STILL * of_windows;
+        let arcsec = of_phase * windows.shape.unit.arcsec();
+        is_still.then(|| Still { first: part[0], last: part[FEWEST - 1], arcsec })
+    })
 }
 
-/// Squares of values and their number.
-#[derive(Default)]
-struct Spread {
-    squares: f64,
-    number: f64,
-}
-
-impl Spread {
-    fn add(&mut self, values: &[f64]) {
-        self.squares += values.iter().map(|value| value * value).sum::<f64>();
-        self.number += values.len() as f64;
-    }
-
-    fn sigma(&self) -> Option<f64> {
-        (self.number > 0.0).then(|| (self.squares / self.number).sqrt())
-    }
+/// σ about the mean.
+fn sigma(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    (values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n).sqrt()
 }
 
 /// Values less their straight line by least squares.
@@ -105,8 +104,6 @@ mod tests {
         let line: Vec<f64> = (0..50).map(|k| 3.0 - 0.25 * f64::from(k)).collect();
         assert!(about_line(&line).iter().all(|rest| rest.abs() < 1e-12));
         let saw: Vec<f64> = (0..1000).map(|k| f64::from(k % 2)).collect();
-        let mut spread = Spread::default();
-        spread.add(&about_line(&saw));
-        assert!((spread.sigma().unwrap() - 0.5).abs() < 1e-5, "{:?}", spread.sigma());
+        assert!((sigma(&about_line(&saw)) - 0.5).abs() < 1e-5);
     }
 }

@@ -217,6 +217,11 @@ impl Windows {
         self.noise_of(axis, |squares| !is_shaken(squares, median))
     }
 
+    /// How neighbouring rows of the used windows correlate: σ² at two rows over that at one.
+    pub(crate) fn second_over_first(&self, axis: usize) -> Option<f64> {
+        self.curve_of(axis, |_| true).second_over_first()
+    }
+
     /// A hump of the curve of all rows, beyond the laws of noise.
     pub(crate) fn hump(&self, axis: usize) -> Option<Hump> {
         self.curve_of(axis, |_| true).hump()

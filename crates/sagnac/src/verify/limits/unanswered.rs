@@ -7,6 +7,7 @@ use sagnac_core::Status;
 
 use crate::verify::limits::table::{Applies, EXCLUDED, LimitSpec, POSITION_ERROR, SPECS};
 use crate::verify::limits::verdict::DecisionRule;
+use crate::verify::replay::clocks::Clocks;
 use crate::verify::replay::paired::PairedWindows;
 use crate::verify::values::of_axis::{Against, Retest};
 use crate::verify::{AxisVerification, Correction};
@@ -35,7 +36,7 @@ pub fn unanswered(windows: &Windows, correction: &Correction, setup: &Setup) -> 
         corrected: windows.clone(),
         status: vec![vec![Status::OK; windows.len()]; windows.shape.axes.len()],
         flagged_off: Vec::new(),
-        unseen_s: 0.0,
+        clocks: Clocks::default(),
         repeat: None,
     };
     pair.leave_out_unknown(setup)?;

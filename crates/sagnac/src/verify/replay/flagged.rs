@@ -1,8 +1,10 @@
 //! Flagged rows that are not like their neighbours: a fault behind `valid` = 0.
 //!
 //! ```text
-//! flagged rows in a row ─▶ their mean corrected rate, less that of the rows of a window before and behind ─▶ off beyond 4 σ
-//! σ² of a mean of n rows = s²/n        s² half the mean square of the differences of neighbouring rows
+//! flagged rows in a row ─▶ their corrected rates, less the mean of the rows of a window before and behind ─▶ off beyond 4 σ
+//! mean       σ² = s²/n        s² half the mean square of the differences of neighbouring rows
+//! scatter    mean square over s² beyond 1 + 4·√(2/n) + 10/n
+//! all of them together, too: many that are a little off
 //! ```
 //!
 //! Rows are of corrected rates, so a temperature that moves is no difference. Fails where slow noise moves the rate by more than
@@ -14,13 +16,15 @@ use crate::verify::values::judged_windows::Estimate;
 use sagnac_log::ingest::Batch;
 use sagnac_log::setup::RateUnit;
 use sagnac_units::format::significant;
-use sagnac_units::s_from_ns;
+use sagnac_units::{NS_PER_S, s_from_ns};
 use serde::{Deserialize, Serialize};
 
 /// Standard errors beyond which flagged rows differ.
 const OFF_SIGMAS: f64 = 4.0;
 /// Fewer differences show no noise.
-const FEWEST: f64 = 20.0;
+const FEWEST: f64 = 10.0;
+/// A few rows scatter more than a normal law of many has it.
+const OF_FEW: f64 = 10.0;
 
 /// Flagged rows that differ from their neighbours.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,6 +35,8 @@ pub struct FlaggedOff {
     pub fraction: f64,
     /// Their mean less that of their neighbours, °/h.
     pub difference_dph: Estimate,
+    /// Root mean square of their rates about that of their neighbours, °/h.
+    pub rms_dph: f64,
 }
 
 impl FlaggedOff {
@@ -38,8 +44,12 @@ impl FlaggedOff {
     pub fn words(&self, units: RateUnit) -> String {
         let Estimate { value, sigma } = self.difference_dph;
         let percent = significant(100.0 * self.fraction, 2);
-        let off = units.with_sigma(value, Some(sigma));
-        format!("flagged rows, {percent} % of the time, are {off} {} off their neighbours", units.name())
+        let mean = units.with_sigma(value, Some(sigma));
+        let rms = units.text(self.rms_dph, 2);
+        format!(
+            "flagged rows, {percent} % of the time, are off their neighbours: by {mean} {} in the mean, {rms} rms",
+            units.name()
+        )
     }
 }
 
@@ -49,18 +59,51 @@ struct Turned {
     rows: f64,
     length_ns: i64,
     angle: f64,
+    /// Σ of the rates, and of their squares.
+    rates: [f64; 2],
 }
 
 impl Turned {
     fn add(&mut self, length_ns: i64, angle: f64) {
+        let rate = angle / length_ns as f64;
         self.rows += 1.0;
         self.length_ns += length_ns;
         self.angle += angle;
+        self.rates = [self.rates[0] + rate, self.rates[1] + rate * rate];
+    }
+
+    /// Mean square of the rates about one.
+    fn mean_square_about(self, rate: f64) -> f64 {
+        let [sum, squares] = self.rates.map(|sum| sum / self.rows);
+        (squares - 2.0 * rate * sum + rate * rate).max(0.0)
     }
 
     /// Angle per ns.
     fn rate(self) -> f64 {
         self.angle / self.length_ns as f64
+    }
+}
+
+/// Flagged rows next to their neighbours.
+#[derive(Clone, Copy, Debug, Default)]
+struct Compared {
+    length_ns: i64,
+    /// Their angle less that of their neighbours' rate, its variance, and Σ of the squares of their rates about it times their length.
+    off: f64,
+    variance: f64,
+    squares: f64,
+}
+
+impl Compared {
+    fn add(&mut self, other: Self) {
+        self.length_ns += other.length_ns;
+        self.off += other.off;
+        self.variance += other.variance;
+        self.squares += other.squares;
+    }
+
+    fn is_off(&self) -> bool {
+        self.off.powi(2) > OFF_SIGMAS.powi(2) * self.variance
     }
 }
 
@@ -73,10 +116,9 @@ struct AxisRows {
     last_rate: Option<f64>,
     squares: f64,
     differences: f64,
-    /// Flagged rows that were off, and the turn that their neighbours' rate would have made of them.
-    off: Turned,
-    expected: f64,
-    variance: f64,
+    /// All flagged rows that have neighbours, and those that are off.
+    all: Compared,
+    off: Compared,
 }
 
 impl AxisRows {
@@ -116,14 +158,19 @@ impl AxisRows {
         if flagged.rows == 0.0 || around.rows == 0.0 || self.differences < FEWEST {
             return;
         }
-        let difference = flagged.rate() - around.rate();
-        let variance = self.squares / self.differences / 2.0 * (1.0 / flagged.rows + 1.0 / around.rows);
-        if difference.powi(2) > OFF_SIGMAS.powi(2) * variance {
-            self.off.rows += flagged.rows;
-            self.off.length_ns += flagged.length_ns;
-            self.off.angle += flagged.angle;
-            self.expected += around.rate() * flagged.length_ns as f64;
-            self.variance += variance * (flagged.length_ns as f64).powi(2);
+        let (n, length) = (flagged.rows, flagged.length_ns as f64);
+        let of_row = self.squares / self.differences / 2.0;
+        let mean_square = flagged.mean_square_about(around.rate());
+        let compared = Compared {
+            length_ns: flagged.length_ns,
+            off: flagged.angle - around.rate() * length,
+            variance: of_row * (1.0 / n + 1.0 / around.rows) * length * length,
+            squares: mean_square * length,
+        };
+        let scatters = mean_square > of_row * (1.0 + OFF_SIGMAS * (2.0 / n).sqrt() + OF_FEW / n);
+        self.all.add(compared);
+        if compared.is_off() || scatters {
+            self.off.add(compared);
         }
     }
 }
@@ -167,13 +214,14 @@ impl FlaggedWatch {
     /// Per axis the flagged rows that are off; of runs of `length_s` in all, angles in `arcsec`.
     pub(crate) fn finish(mut self, length_s: f64, arcsec: f64) -> Vec<Option<FlaggedOff>> {
         self.end_run();
+        // Angle per ns to °/h.
+        let dph = arcsec * NS_PER_S;
         let of_axis = |axis: AxisRows| {
-            let off_s = s_from_ns(axis.off.length_ns);
-            let difference_dph = Estimate {
-                value: (axis.off.angle - axis.expected) * arcsec / off_s,
-                sigma: axis.variance.sqrt() * arcsec / off_s,
-            };
-            (off_s > 0.0).then_some(FlaggedOff { fraction: off_s / length_s, difference_dph })
+            let off = if axis.all.is_off() { axis.all } else { axis.off };
+            let length = off.length_ns as f64;
+            let difference_dph = Estimate { value: off.off / length * dph, sigma: off.variance.sqrt() / length * dph };
+            let (fraction, rms_dph) = (s_from_ns(off.length_ns) / length_s, (off.squares / length).sqrt() * dph);
+            (off.length_ns > 0).then_some(FlaggedOff { fraction, difference_dph, rms_dph })
         };
         self.axes.into_iter().map(of_axis).collect()
     }

@@ -7,7 +7,7 @@
 //!
 //! Bounds of windows follow from times and temperatures alone, which both sides share.
 
-use crate::verify::replay::clocks::unseen_ns;
+use crate::verify::replay::clocks::Clocks;
 use crate::verify::replay::correction::Correction;
 use crate::verify::replay::flagged::{FlaggedOff, FlaggedWatch};
 use crate::verify::replay::options::VerifyOptions;
@@ -33,8 +33,8 @@ pub(crate) struct PairedWindows {
     pub(crate) status: Vec<Vec<Status>>,
     /// Per axis, flagged rows that differ from their neighbours.
     pub(crate) flagged_off: Vec<Option<FlaggedOff>>,
-    /// Time between files of one clock, s, which nobody has seen.
-    pub(crate) unseen_s: f64,
+    /// What the times of its files say of one another.
+    pub(crate) clocks: Clocks,
     /// Rows that are a copy of earlier ones.
     pub(crate) repeat: Option<Repeat>,
 }
@@ -120,7 +120,7 @@ impl PairedWindows {
             corrected: self.corrected.only(&members),
             status: self.status.iter().map(|column| members.iter().map(|i| column[*i]).collect()).collect(),
             flagged_off: Vec::new(),
-            unseen_s: 0.0,
+            clocks: Clocks::default(),
             repeat: None,
         }
     }
@@ -131,7 +131,7 @@ impl PairedWindows {
         let counts = |run: usize| of_run.is_none_or(|of_run| of_run == run);
         let runs: f64 =
             (0..self.raw.runs.len()).filter(|run| counts(*run)).map(|run| self.raw.runs[run].length_s()).sum();
-        let whole = runs + if of_run.is_none() { self.unseen_s } else { 0.0 };
+        let whole = runs + if of_run.is_none() { s_from_ns(self.clocks.unseen_ns) } else { 0.0 };
         let is_known = |i: &usize| {
             counts(self.raw.rows.run[*i] as usize) && self.raw.rows.excluded[*i] != Some(Reason::NoReference)
         };
@@ -214,10 +214,11 @@ impl PairBuilder {
         let raw = self.raw.finish_whole();
         let (mut corrected, status) = self.corrected.keep_outliers().finish_with_status();
         corrected.exclude_as(&raw);
-        let unseen_s = if raw.shape.timed { s_from_ns(unseen_ns(&raw.runs, setup)) } else { 0.0 };
+        let nominal_ns = self.shape.nominal_ns;
+        let clocks = if raw.shape.timed { Clocks::of(&raw.runs, nominal_ns, setup) } else { Clocks::default() };
         let length_s = raw.runs.iter().map(Run::length_s).sum();
         let finish = |flagged: FlaggedWatch| flagged.finish(length_s, raw.shape.unit.arcsec());
         let flagged_off = self.flagged.map_or_else(Vec::new, finish);
-        PairedWindows { raw, corrected, status, flagged_off, unseen_s, repeat: self.repeats.finish() }
+        PairedWindows { raw, corrected, status, flagged_off, clocks, repeat: self.repeats.finish() }
     }
 }

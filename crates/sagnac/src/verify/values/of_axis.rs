@@ -374,6 +374,6 @@ fn noise_floor(
         expected_peak_to_peak: expected_range(largest) * value,
         n: largest,
         source,
-        filter_hz: noise.filter_hz,
+        second_over_first: windows.second_over_first(axis).map(|ratio| [ratio, windows.shape.sample_interval_s]),
     })
 }

@@ -8,8 +8,7 @@
 //! scale factor       mean over the plateaus after correction less ε0 of the record, ppm
 //! ```
 //!
-//! σ of a run's mean is the larger of two: from the means of eight stretches of the run, and from the slow noise that the windows show
-//! ([`super::noise`]), which moves the run as a whole.
+//! σ of a run's mean is that of the noise that the windows show ([`super::noise`]): slow noise moves the run as a whole.
 //!
 //! Needs the input rate, from the setup (`input_rate_dph`, `[earth]`): without it a difference of bias is none of the gyro's.
 
@@ -24,8 +23,8 @@ use crate::verify::values::rate_table::{PairedDrifts, ScaleProof};
 use crate::window::Windows;
 use sagnac_log::setup::{RateUnit, Setup, TurnOnCount, input_rate_hint};
 
-/// Stretches of a run whose means scatter.
-const STRETCHES: usize = 8;
+/// Windows of a run that has a bias.
+const FEWEST: usize = 8;
 /// Why a run has no bias.
 pub(crate) const RUN_WITHOUT_BIAS: &str = "a run is shorter than eight windows, or was turned at one rate alone";
 /// Input rates closer than this are one, °/h.
@@ -128,14 +127,13 @@ impl BiasRepeatability {
             }
             let after = mean_of(windows, &members, |i| drifts.corrected.rate_dph(axis, i))?;
             let before = mean_of(windows, &members, |i| drifts.raw.rate_dph(axis, i))?;
-            let sigma = after.sigma.max(noise.sigma_of_mean_dph(run));
-            let bias_dph = Estimate { value: after.value - input_dph, sigma };
+            let bias_dph = Estimate { value: after - input_dph, sigma: noise.sigma_of_mean_dph(run) };
             let difference = bias_dph.value - calibration_dph.value;
             Some(RunBias {
                 file: file_name(&windows.runs[run].name()),
                 bias_dph,
                 difference_dph: Estimate { value: difference, sigma: bias_dph.sigma.hypot(calibration_dph.sigma) },
-                raw_difference_dph: before.value - input_dph - calibration_dph.value - removed_dph(record),
+                raw_difference_dph: before - input_dph - calibration_dph.value - removed_dph(record),
             })
         };
         let biases: Vec<Option<RunBias>> = (0..windows.runs.len()).map(run).collect();
@@ -194,23 +192,13 @@ fn removed_dph(record: &AxisCalibration) -> f64 {
     record.correction.fixed_bias.map_or(0.0, |bias| bias.value_dph)
 }
 
-/// Mean over windows by their lengths, with the σ that the means of stretches show.
-fn mean_of(windows: &Windows, members: &[usize], rate_dph: impl Fn(usize) -> f64) -> Option<Estimate> {
-    if members.len() < STRETCHES {
-        return None;
-    }
-    let mean = |part: &[usize]| {
-        let (sum, all) = part.iter().fold((0.0, 0.0), |(sum, all), i| {
-            let length = windows.duration_s(*i);
-            (sum + length * rate_dph(*i), all + length)
-        });
-        sum / all
-    };
-    let value = mean(members);
-    let part = |k: usize| &members[k * members.len() / STRETCHES..(k + 1) * members.len() / STRETCHES];
-    let squares: f64 = (0..STRETCHES).map(|k| (mean(part(k)) - value).powi(2)).sum();
-    let freedom = ((STRETCHES - 1) * STRETCHES) as f64;
-    Some(Estimate { value, sigma: (squares / freedom).sqrt() })
+/// Mean over windows by their lengths.
+fn mean_of(windows: &Windows, members: &[usize], rate_dph: impl Fn(usize) -> f64) -> Option<f64> {
+    let (sum, all) = members.iter().fold((0.0, 0.0), |(sum, all), i| {
+        let length = windows.duration_s(*i);
+        (sum + length * rate_dph(*i), all + length)
+    });
+    (members.len() >= FEWEST).then_some(sum / all)
 }
 
 /// Scale factor of the retest less that of the record at T0, ppm; `None` where either does not know it.

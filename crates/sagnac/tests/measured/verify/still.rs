@@ -13,12 +13,12 @@ use sagnac_log::setup::Setup;
 /// What is said of a still counter.
 const JITTER: &str = "nothing but the jitter";
 
-/// Counts of a total that jitters by σ of `jitter` counts about one place; 0 for a total that stands.
-fn jittering(seed: u64, jitter: f64) -> Rows<3> {
-    let mut log = Bench::retest(seed, &usual).log();
+/// Counts of a total that jitters by σ of `jitter` counts about one place from so many hours on; 0 for a total that stands.
+fn jittering(seed: u64, jitter: f64, from_h: f64) -> Rows<3> {
+    let mut log = Bench { input_dph: 0.0, ..Bench::retest(seed, &usual) }.log();
     let mut dice = Dice::new(seed ^ 0x57111);
     let (place, mut counted) = (dice.uniform(), 0.0);
-    for [.., counts] in &mut log.rows {
+    for [.., counts] in log.rows.iter_mut().filter(|row| row[0] > from_h * 3600.0) {
         let total = (place + jitter * dice.normal()).floor();
         (*counts, counted) = (total - counted, total);
     }
@@ -30,14 +30,16 @@ fn a_counter_that_nothing_turns_has_no_verdict() {
     const RECORDS: Records = Records::new(80).few(8);
     let (unit, setup) = (calibrated(), Setup { input_rate_dph: Some(0.0.into()), ..Bench::setup() });
     let correction = Correction::from_calibration(unit).unwrap();
-    for (jitter, claim) in [
-        (0.0, "a retest whose counter stands still has no verdict"),
-        (0.5, "a retest whose counter jitters by 0.5 counts has no verdict"),
-        (1.0, "a retest whose counter jitters by 1 count has no verdict"),
-        (3.0, "a retest whose counter jitters by 3 counts has no verdict"),
+    for (jitter, from_h, claim) in [
+        (0.0, 0.0, "a retest whose counter stands still has no verdict"),
+        (0.5, 0.0, "a retest whose counter jitters by 0.5 counts has no verdict"),
+        (1.0, 0.0, "a retest whose counter jitters by 1 count has no verdict"),
+        (3.0, 0.0, "a retest whose counter jitters by 3 counts has no verdict"),
+        (1.0, 7.4, "a retest whose counter jitters by 1 count from its middle on has no verdict"),
+        (0.0, 10.0, "a retest whose counter stands still for its last third has no verdict"),
     ] {
         let refused = fraction(RECORDS, |seed| {
-            let log = || jittering(7_300 + seed, jitter);
+            let log = || jittering(7_300 + seed, jitter, from_h);
             let found = survey(&windows(vec![log()], &setup), &setup).unwrap();
             let is_named = found.good_for == GoodFor::Nothing && found.reason.unwrap().contains(JITTER);
             let proof = verify(&correction, vec![reader(log(), &setup)], &setup, VerifyOptions::default());
