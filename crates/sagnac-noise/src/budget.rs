@@ -5,10 +5,10 @@ use serde::Serialize;
 use crate::difference::{Deviation, Difference};
 use crate::laws::terms::FittedTerms;
 use crate::model::{LawRange, Model, RawPoint};
-use crate::periods::Period;
 use crate::pyramid::FULL_OVERLAP;
 use crate::recorder::{Recorded, Recorder};
 use crate::screen::{Disturbed, RowPlace, Screened};
+use crate::spectrum::periods::Period;
 use crate::taus::{LONGEST_PART, TauError, Taus};
 use crate::term_value::{CONFIDENCE, Terms, interval};
 

@@ -4,7 +4,7 @@
 //! angles ─▶ Screen ─▶ Recorder ─▶ sums of differences ─▶ curve ─▶ five terms ─▶ intervals ─▶ AxisBudget
 //!           gaps,     phase, in memory     [difference]  [budget]  from the τ   [freedom,
 //!           disturbed [overlap] or of any                without   on where the laws]
-//!           rows      length [pyramid]                   [periods] [laws] hold
+//!           rows      length [pyramid]                   [spectrum] [laws] hold
 //! each window ─▶ WindowedDifferences ─▶ N and Q of the used windows ─▶ noise floor of every residual
 //! ```
 //!
@@ -31,11 +31,10 @@ mod laws;
 mod level;
 mod model;
 mod overlap;
-mod periods;
 mod pyramid;
 mod recorder;
-mod repeats;
 mod screen;
+mod spectrum;
 mod taus;
 mod term_value;
 mod vectors;
@@ -51,11 +50,11 @@ pub use freedom::Stretches;
 pub use laws::terms::{AllanTerm, FittedTerms, Point, fit_terms};
 pub use model::LawRange;
 pub use overlap::{overlapping, phases};
-pub use periods::{Period, Series};
 pub use pyramid::{FULL_OVERLAP, served};
 pub use recorder::{HELD_PHASES, MOST_ROWS, Recorded, Recorder};
-pub use repeats::{Repeat, RepeatWatch};
 pub use screen::{Disturbed, MOST_DISTURBED_PART, MOST_LOST_PART, RowPlace, Screen, Screened};
+pub use spectrum::periods::{Period, Series};
+pub use spectrum::repeats::{Repeat, RepeatWatch};
 pub use taus::{MOST_TAUS, TauError, Taus};
 pub use term_value::{CONFIDENCE, MeasuredNoise, NoiseTerms, TermValue, Terms};
 pub use windowed::{FILLED, Hump, JudgedWindow, WindowSquares, WindowedCurve, WindowedDifferences};

@@ -13,7 +13,7 @@ use crate::laws::bootstrap::{Estimates, Spread, TermUncertainty};
 use crate::laws::law_range::Agreement;
 use crate::laws::slope::{Slope, slope_of};
 use crate::laws::terms::{AllanTerm, FittedTerms, Laws, Point, WHITE};
-use crate::periods::Period;
+use crate::spectrum::periods::Period;
 use crate::term_value::{CONFIDENCE, MeasuredNoise, NORMAL_975, NoiseTerms, TermValue, Terms, interval};
 use sagnac_units::format::significant;
 use serde::Serialize;

@@ -3,8 +3,8 @@
 use crate::difference::{Difference, SquareSum};
 use crate::freedom::Stretches;
 use crate::overlap::overlapping;
-use crate::periods::Series;
 use crate::pyramid::{Pyramid, served};
+use crate::spectrum::periods::Series;
 
 /// Phases in memory, all axes together, before the switch to the pyramid: 24 MiB. Where rows are lost or disturbed, up to four
 /// variants of the record are kept ([`crate::Screen`]).

@@ -1,0 +1,4 @@
+//! What a transform over a whole record shows: lines of a period, and rows that repeat earlier ones.
+
+pub(crate) mod periods;
+pub(crate) mod repeats;
