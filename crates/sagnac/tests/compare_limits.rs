@@ -21,14 +21,17 @@ fn what_is_not_asked_says_so() {
     assert_eq!(
         asked,
         [
+            "sigma_beyond_floor_dph_max",
             "span_covered_min",
             "drift_dph_per_c_max",
             "drift_dph_per_cpm_max",
+            "hysteresis_dph_max",
+            "arw_deg_rt_h_max",
             "temperature_residual_dph_max",
             "bias_repeatability_dph_max"
         ]
     );
-    assert_eq!(of(&found, "arw_deg_rt_h_max").why.unwrap(), "needs a retest: `sagnac verify`");
+    assert_eq!(of(&found, "arw_increase_max").why.unwrap(), "needs a retest: `sagnac verify`");
     assert!(of(&found, "scale_factor_repeatability_ppm_max").why.unwrap().contains("was not made on a rate table"));
     // The order of the records does not matter.
     let turned = judged(vec![b.clone(), a.clone()], &limits);
@@ -52,7 +55,7 @@ fn what_is_not_asked_says_so() {
     assert!(missed(&found).contains(&"drift_dph_per_cpm_max"));
     // Records of one log, and limits of which none is asked, are not accepted.
     assert!(!judged(vec![a.clone(), a.clone()], &limits).passed());
-    let other: Limits = "arw_deg_rt_h_max = 0.01".parse().unwrap();
+    let other: Limits = "arw_increase_max = 1.05".parse().unwrap();
     assert!(!judged(vec![a, b], &other).passed());
 }
 

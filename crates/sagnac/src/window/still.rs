@@ -1,7 +1,7 @@
 //! A counter that nothing turns: a gyro in lock-in, a wire that fell off, a total that froze.
 //!
 //! ```text
-//! φ_k     sum of the angles of 100 windows up to window k, less its straight line
+//! φ_k     sum of the angles of 100 windows, and of 2.5 h at least, up to window k, less its straight line
 //! still   σ(φ) ≤ 0.8·σ(angle of a window), and all of them together turn by no more than 8 of these; or no row ever differs from the next
 //! ```
 //!
@@ -17,6 +17,8 @@ use sagnac_units::format::significant;
 
 /// Windows of a run that separate the two: a walk's mean ratio is 6.7 there, and that of a jitter 0.5.
 const FEWEST: usize = 100;
+/// And they last this long, s.
+const LEAST_S: f64 = 9000.0;
 /// Between the 0.71 of a jitter, ± 0.04 with so few windows, and a walk.
 const STILL: f64 = 0.8;
 /// Largest angle of all of them, over the jitter of one.
@@ -50,7 +52,7 @@ struct Still {
     arcsec: f64,
 }
 
-/// The first [`FEWEST`] windows in a row whose angle only jitters.
+/// The first windows in a row whose angle only jitters: [`FEWEST`], and [`LEAST_S`] at least.
 fn still(windows: &Windows, axis: usize) -> Option<Still> {
     // A rate that jitters about zero looks like angle random walk.
     if windows.shape.is_turned || windows.shape.unit == AngleUnit::Arcsec {
@@ -58,7 +60,9 @@ fn still(windows: &Windows, axis: usize) -> Option<Still> {
     }
     let used: Vec<usize> = (0..windows.len()).filter(|i| windows.rows.excluded[*i].is_none()).collect();
     let runs = used.chunk_by(|a, b| windows.rows.run[*a] == windows.rows.run[*b]);
-    runs.flat_map(|run| run.windows(FEWEST).step_by(FEWEST / 2)).find_map(|part| {
+    // In short windows the rounding of counts outweighs the noise for longer.
+    let count = FEWEST.max((LEAST_S / windows.shape.nominal_s).ceil() as usize);
+    runs.flat_map(|run| run.windows(count).step_by(count / 2)).find_map(|part| {
         let angles: Vec<f64> = part.iter().map(|i| windows.rows.angle[axis][*i]).collect();
         let phases: Vec<f64> = angles
             .iter()
@@ -72,9 +76,9 @@ fn still(windows: &Windows, axis: usize) -> Option<Still> {
         let counts_by = phases.last().is_some_and(|total| total.abs() > MOST_TURNED * of_windows);
         let is_frozen =
             part.iter().all(|i| windows.rows.squares[axis][*i].shortest().is_some_and(|(square, _)| square == 0.0));
-        let is_still = is_frozen || !counts_by && of_phase <= STILL * of_windows;
+        let is_still = of_windows == 0.0 && is_frozen || !counts_by && of_phase <= STILL * of_windows;
         let arcsec = of_phase * windows.shape.unit.arcsec();
-        is_still.then(|| Still { first: part[0], last: part[FEWEST - 1], arcsec })
+        is_still.then(|| Still { first: part[0], last: part[count - 1], arcsec })
     })
 }
 

@@ -55,7 +55,7 @@ fn with_friction(bench: Bench<'_>, size_dph: f64) -> Rows<3> {
 /// At rest after heating the truth is `size_dph` above the curve of the correction, after cooling as far below.
 #[test]
 fn memory_is_in_the_interval_at_rest() {
-    const RECORDS: Records = Records::new(60).few(20);
+    const RECORDS: Records = Records::new(60).few(60);
     for (size_dph, claim) in [
         (0.03, "interval of `evaluate` at rest holds a memory of ± 0.03 °/h, no soak from both sides"),
         (0.1, "interval of `evaluate` at rest holds a memory of ± 0.1 °/h, no soak from both sides"),

@@ -211,7 +211,7 @@ fn what_one_record_has_not_visited_is_not_unchanged() {
 /// nor in the size of the rate effect. Both passed 10 and 5 times of as many.
 #[test]
 fn a_lag_and_a_noise_that_changed_are_refused() {
-    const RECORDS: Records = Records::new(60).few(15);
+    const RECORDS: Records = Records::new(60).few(30);
     let limits = navigation();
     let month = |seed: u64, rate_lag_s: f64, n_deg_rt_h: f64| {
         let drift = |now: Now| 0.02 * now.u() + 0.1 * now.lagged_cpm;
