@@ -10,10 +10,11 @@ fn a_test_that_ends_itself_does_what_the_full_one_does() {
     let found = stopped(UNITS, &Limits::named_or_read("navigation-grade").unwrap(), 3, unit);
     let claim = "test that ends itself, `navigation-grade`: hours over those of the full test";
     found.assert_hours(claim, ["≤ 0.72", "≤ 0.9"], UNITS);
+    // One unit in 40 more since the bias has the slow noise of its test: its guard band is wider after a short one.
     evidence(
         "test that ends itself, `navigation-grade`: units that meet the limits after the full test only",
         found.part(|one| one.met_full && !one.met),
-        "≤ 0.03",
+        "≤ 0.06",
         UNITS,
     );
 }
