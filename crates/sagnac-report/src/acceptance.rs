@@ -47,7 +47,7 @@ pub(crate) fn identity(
             p.note { "The retest lacks axes of the calibration: " (verification.untested_axes.iter().collect::<String>()) ". The unit is not accepted." }
         }
         @for objection in &verification.objections { p.note { "The unit is not accepted: " (prose(objection)) "." } }
-        div class={ "verdict " (if accepted { "pass" } else { "fail" }) } { b.word { (word) ": " (judged.words()) (verification.not_judged()) } }
+        div class={ "verdict " (if accepted { "pass" } else { "fail" }) } { b.word { (word) ": " (judged.words()) (verification.reservations()) } }
         div.scroll { table {
             tr { td { "unit" } td.words { (verification.serial) } }
             @for (name, value) in specified(verification) { (entry(name, value.as_deref())) }

@@ -100,7 +100,7 @@ fn verdict(verification: &Verification, units: RateUnit) -> (&'static str, Tone,
         let missing: Vec<String> = verification.untested_axes.iter().map(char::to_string).collect();
         return not(format!("the retest has no axis {}", missing.join(", ")));
     }
-    let met = format!("{} met{}", counted(asked, "limit", "limits"), verification.not_judged());
+    let met = format!("{} met{}", counted(asked, "limit", "limits"), verification.reservations());
     match verification.training_unknown {
         true => (
             "LIMITS MET",

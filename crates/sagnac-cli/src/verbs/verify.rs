@@ -289,10 +289,10 @@ fn verdict(axis: &AxisVerification, verification: &Verification) -> String {
             format!("NOT ACCEPTED: an axis is not tested; {} on this one; ", judged.words())
         }
         Some(true) if verification.training_unknown => {
-            format!("{}{}, training logs unknown; ", judged.words(), verification.not_judged())
+            format!("{}{}, training logs unknown; ", judged.words(), verification.reservations())
         }
         Some(true) if judged.not_asked == 0 && verification.overrides.is_empty() => "all limits met; ".to_owned(),
-        Some(true) => format!("{}{}; ", judged.words(), verification.not_judged()),
+        Some(true) => format!("{}{}; ", judged.words(), verification.reservations()),
         Some(false) if judged.not_met == 0 => format!("LIMITS NOT DECIDED: {}; ", judged.words()),
         Some(false) => "LIMITS NOT MET; ".to_owned(),
         None => String::new(),

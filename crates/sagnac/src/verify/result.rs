@@ -264,7 +264,7 @@ impl Verification {
 
     /// Properties of the unit on which the limits or the retest are silent, and what was overridden, in words: `; the fixed bias and memory
     /// are NOT judged, overridden: input rate, 2 limits`. Empty where there is neither.
-    pub fn not_judged(&self) -> String {
+    pub fn reservations(&self) -> String {
         let bias = self.axes.iter().flat_map(|axis| &axis.limits);
         let bias = bias.filter(|limit| limit.name == "bias_repeatability_dph_max").any(|limit| limit.pass.is_none());
         let memory = self.axes.iter().any(AxisVerification::leaves_memory);

@@ -114,7 +114,7 @@ fn overrides_stand_in_the_verdict() {
     let log = || vec![Bench { bias_dph: 0.3, ..Bench::retest(45_001, &usual) }.log()];
     let hidden = Setup { input_rate_dph: Some(4.8.into()), ..Bench::setup() };
     let found = with_setup(&unit, log(), &hidden).verification;
-    assert!(found.not_judged().ends_with(", overridden: input rate"), "{}", found.not_judged());
+    assert!(found.reservations().ends_with(", overridden: input rate"), "{}", found.reservations());
     assert!(matches!(&found.overrides[..], [Override::InputRate { retest_dph, .. }] if *retest_dph == 4.8));
     // Limits in thousandths of the unit.
     let easy =
@@ -126,15 +126,15 @@ fn overrides_stand_in_the_verdict() {
         verify(&correction, logs, setup, VerifyOptions::default()).unwrap().limits(&limits).unwrap()
     };
     let found = with(easy, &Bench::setup()).verification;
-    assert!(found.not_judged().ends_with(", overridden: 2 limits"), "{}", found.not_judged());
+    assert!(found.reservations().ends_with(", overridden: 2 limits"), "{}", found.reservations());
     let simple = "base = \"navigation-grade\"\ndecision = \"simple\"";
-    assert!(with(simple, &Bench::setup()).verification.not_judged().ends_with(", overridden: decision"));
+    assert!(with(simple, &Bench::setup()).verification.reservations().ends_with(", overridden: decision"));
     let found = with("missing_max = 0.5", &hidden).verification;
-    assert!(found.passed() && found.not_judged().ends_with(", overridden: input rate, a single limit"));
+    assert!(found.passed() && found.reservations().ends_with(", overridden: input rate, a single limit"));
     assert!(
         with(easy, &Setup { window: Some(sagnac_log::setup::WindowSize::Seconds(105.0)), ..Bench::setup() })
             .verification
-            .not_judged()
+            .reservations()
             .ends_with(", overridden: window, 2 limits")
     );
     // The target has no other offset of the temperature than that of its calibration.
