@@ -53,6 +53,13 @@ pub struct FitResidual {
     pub t_quantile_975: f64,
 }
 
+impl FitResidual {
+    /// σ of a window in a mean of many, °/h: widened by the correlation of neighbours.
+    pub(crate) fn widened_sigma_dph(&self) -> f64 {
+        self.sigma_dph * ((1.0 + self.lag1_autocorrelation) / (1.0 - self.lag1_autocorrelation)).sqrt()
+    }
+}
+
 /// What noise alone makes of the mean of a window.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[non_exhaustive]

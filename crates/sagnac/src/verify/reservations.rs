@@ -14,8 +14,6 @@ use sagnac_log::setup::{RateUnit, Setup};
 use sagnac_noise::Repeat;
 use sagnac_units::format::significant;
 
-/// Input rates closer than this are one, °/h.
-const SAME_INPUT_DPH: f64 = 1e-6;
 /// Windows whose lengths differ by less than this part of them are alike.
 const SAME_WINDOW: f64 = 1e-6;
 
@@ -34,8 +32,7 @@ pub(crate) fn of_retest(record: Option<&Calibration>, window_s: f64, axes: &[Axi
     let rates = axes.iter().filter_map(|axis| {
         let bias = axis.bias_repeatability.as_ref()?;
         let (calibration_dph, retest_dph) = (bias.calibration_input_rate_dph, bias.input_rate_dph);
-        let differs = (calibration_dph - retest_dph).abs() > SAME_INPUT_DPH;
-        differs.then_some(Override::InputRate { axis: axis.axis, calibration_dph, retest_dph })
+        bias.has_other_input().then_some(Override::InputRate { axis: axis.axis, calibration_dph, retest_dph })
     });
     let window = record.map(|record| record.window_s).filter(|of_fit| (window_s / of_fit - 1.0).abs() > SAME_WINDOW);
     rates.chain(window.map(|calibration_s| Override::Window { calibration_s, retest_s: window_s })).collect()

@@ -29,7 +29,7 @@ use crate::fit::selection::held_by_image::ImageCheck;
 use crate::fit::selection::prices::CONDITION_MAX;
 use crate::fit::selection::selected::Selected;
 use crate::fit::uncertainty::entanglement::entangled;
-use crate::fit::uncertainty::memory::memory_at_rest;
+use crate::fit::uncertainty::memory::{LEAST_OF_LEG, memory_at_rest};
 use crate::fit::uncertainty::other_curves::spread_and_lack_of_fit;
 use crate::fit::uncertainty::rate_left::rate_left;
 use crate::fit::uncertainty::soak::soak;
@@ -44,9 +44,6 @@ use crate::window::Windows;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::AngleUnit;
 use sagnac_log::setup::{Setup, input_rate_hint};
-
-/// Windows of a leg that make a mean.
-const LEAST_OF_LEG: usize = 10;
 
 /// Size of a count of the log; `None` for a rate log whose counts follow its correction.
 pub(crate) fn count_of(windows: &Windows, setup: &Setup) -> Option<LogUnit> {
@@ -242,14 +239,12 @@ fn scatter(offsets: &[RunOffset]) -> f64 {
 /// Hysteresis before and after the fit; the standard error of both is that of the residuals, widened by their
 /// correlation.
 fn hysteresis(points: &[WindowPoint], residual: &FitResidual) -> Option<Hysteresis> {
-    let rho = residual.lag1_autocorrelation;
-    let sigma_dph = residual.sigma_dph * ((1.0 + rho) / (1.0 - rho)).sqrt();
     let before = hysteresis_of(points, LEAST_OF_LEG, |p| p.before_dph)?;
     let after = hysteresis_of(points, LEAST_OF_LEG, |p| p.after_dph)?;
     Some(Hysteresis {
         before_dph: before.difference_dph,
         after_dph: after.difference_dph,
-        sigma_dph: sigma_dph * after.per_sigma,
+        sigma_dph: residual.widened_sigma_dph() * after.per_sigma,
     })
 }
 

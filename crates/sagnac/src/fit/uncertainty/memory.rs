@@ -16,7 +16,7 @@ use crate::diagnostics::{WindowPoint, hysteresis_of};
 use crate::fit::problem::least_squares::LeastSquares;
 
 /// Windows of a leg that make a mean.
-const LEAST_OF_LEG: usize = 10;
+pub(crate) const LEAST_OF_LEG: usize = 10;
 /// Standard errors from which on a difference is memory.
 const SIGNIFICANT: f64 = 2.0;
 
@@ -30,8 +30,7 @@ pub(crate) fn memory_at_rest(
     if problem.turning.is_some() {
         return None;
     }
-    let rho = residual.lag1_autocorrelation;
-    let sigma = residual.sigma_dph * ((1.0 + rho) / (1.0 - rho)).sqrt();
+    let sigma = residual.widened_sigma_dph();
     let significant =
         |difference: f64, sigma: f64| if difference.abs() > SIGNIFICANT * sigma { difference } else { 0.0 };
     let used: Vec<&WindowPoint> = drawn.iter().filter(|p| p.excluded.is_none() && p.after_dph.is_finite()).collect();

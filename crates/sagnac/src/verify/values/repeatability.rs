@@ -85,11 +85,15 @@ impl BiasRepeatability {
     pub fn input_text(&self, units: RateUnit) -> String {
         let [calibration, retest] =
             [self.calibration_input_rate_dph, self.input_rate_dph].map(|dph| units.text(dph, 5));
-        if (self.calibration_input_rate_dph - self.input_rate_dph).abs() < SAME_INPUT_DPH {
-            format!("input rate {retest}")
-        } else {
-            format!("input rate {calibration} in the calibration, {retest} in the retest")
+        match self.has_other_input() {
+            false => format!("input rate {retest}"),
+            true => format!("input rate {calibration} in the calibration, {retest} in the retest"),
         }
+    }
+
+    /// The retest was told another input rate than the calibration.
+    pub(crate) fn has_other_input(&self) -> bool {
+        (self.calibration_input_rate_dph - self.input_rate_dph).abs() >= SAME_INPUT_DPH
     }
 
     /// The run farthest from the calibration.

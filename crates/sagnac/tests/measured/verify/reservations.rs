@@ -1,4 +1,4 @@
-//! What speaks against a retest before its values do: time that is not there, flagged faults, facts stated anew, noise that is not the
+//! What speaks against a retest before its values do: time that is not there, flagged faults, facts stated otherwise, noise that is not the
 //! unit's. By generators that share no code with the program; a hostile review had most of these accepted.
 
 use super::acceptance::{missed, navigation, proof};
