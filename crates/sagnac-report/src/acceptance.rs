@@ -101,7 +101,8 @@ fn entry(name: &str, value: Option<&str>) -> Markup {
 fn covered(verification: &Verification) -> Vec<(String, String)> {
     let mut all: Vec<(String, String)> = Vec::new();
     for axis in &verification.axes {
-        let Some(words) = axis.coverage.as_ref().map(|coverage| coverage.words()) else { continue };
+        let rates = axis.tested_cpm().map_or(String::new(), |cpm| format!("; at most {} °C/min", significant(cpm, 2)));
+        let Some(words) = axis.coverage.as_ref().map(|coverage| coverage.words() + &rates) else { continue };
         match all.iter_mut().find(|(_, known)| *known == words) {
             Some((axes, _)) => *axes += &format!(", {}", axis.axis),
             None => all.push((axis.axis.to_string(), words)),

@@ -234,7 +234,9 @@ fn gain(verification: &Verification) -> String {
     let spans = verification.axes.iter().filter_map(|axis| axis.coverage.map(|coverage| coverage.tested_c));
     let span = spans.reduce(|[lo, hi], [a, b]| [lo.min(a), hi.max(b)]);
     let span = span.map_or(String::new(), |[lo, hi]| format!(", {lo:.0} … {hi:.0} °C"));
-    format!("drift reduced {} times on {seen} ({} h{span})", all.join(", "), significant(hours, 2))
+    let fastest = verification.axes.iter().filter_map(AxisVerification::tested_cpm).reduce(f64::max);
+    let rates = fastest.map_or(String::new(), |cpm| format!(", to {} °C/min", significant(cpm, 2)));
+    format!("drift reduced {} times on {seen} ({} h{span}{rates})", all.join(", "), significant(hours, 2))
 }
 
 fn remarks(verification: &Verification, units: RateUnit) -> Vec<Remark> {

@@ -2,3 +2,4 @@
 
 pub(crate) mod periods;
 pub(crate) mod repeats;
+pub(crate) mod trace;

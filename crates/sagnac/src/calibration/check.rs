@@ -40,6 +40,10 @@ impl Calibration {
                 return Err(Error::input(what, BROKEN).column("axes").value(axis.axis.to_string()));
             }
         }
+        if self.provenance.noise_trace.as_ref().is_some_and(|noise| noise.trace().is_none()) {
+            let what = "must be the differences of at most 8,192 parts of a positive length";
+            return Err(Error::input(what, BROKEN).column("provenance.noise_trace"));
+        }
         self.axes.iter().try_for_each(AxisCalibration::check)
     }
 }

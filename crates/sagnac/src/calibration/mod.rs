@@ -32,7 +32,7 @@ pub use crate::calibration::of_fit::{
 };
 pub use crate::calibration::profile::{Entanglement, MovedTogether, TimeEffect, TimeEffectKind, WarmUp};
 pub(crate) use crate::calibration::provenance::log_files;
-pub use crate::calibration::provenance::{LogFile, Provenance, program};
+pub use crate::calibration::provenance::{LogFile, NoiseTrace, Provenance, program};
 pub use crate::calibration::rate_table::{Misalignment, Plateau, PpmEstimate, Repeatability, ScaleFactor};
 pub use crate::calibration::record::{Calibration, FORMAT, LogUnit, MINOR_VERSION, Target, UNASSIGNED, VERSION};
 pub use crate::calibration::search::{

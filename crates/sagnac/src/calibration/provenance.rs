@@ -2,6 +2,7 @@
 
 use crate::window::Windows;
 use sagnac_log::ingest::{LogSummary, share_rows};
+use sagnac_noise::Trace;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +18,32 @@ pub struct Provenance {
     pub time_source: String,
     /// The logs.
     pub inputs: Vec<LogFile>,
+    /// Noise of their rows; absent where they have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise_trace: Option<NoiseTrace>,
+}
+
+/// Noise of the first axis over all training logs, one after the other, by which rows that were resampled, averaged, or changed one by one
+/// are recognised.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[non_exhaustive]
+pub struct NoiseTrace {
+    /// Length of a part of the time, s.
+    pub part_s: f64,
+    /// Differences between the sums of neighbouring parts, a character each: a fifth of their median size a step; `.` where rows are missing.
+    pub differences: String,
+}
+
+impl NoiseTrace {
+    /// Of the rows behind some windows.
+    pub(crate) fn of(windows: &Windows) -> Option<Self> {
+        let (part_s, differences) = windows.trace.text()?;
+        Some(Self { part_s, differences })
+    }
+
+    pub(crate) fn trace(&self) -> Option<Trace> {
+        Trace::of_text(self.part_s, &self.differences)
+    }
 }
 
 /// Name and version of this program.

@@ -110,6 +110,7 @@ pub fn import(polynomial: &Polynomial, setup: &Setup) -> Result<Calibration> {
             time_s: 0.0,
             time_source: "imported coefficients".to_owned(),
             inputs: Vec::new(),
+            noise_trace: None,
         },
     })
 }

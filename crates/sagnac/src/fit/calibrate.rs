@@ -2,7 +2,7 @@
 
 use crate::calibration::log_files;
 use crate::calibration::{
-    AxisCorrection, Calibration, FORMAT, MINOR_VERSION, Provenance, Target, UNASSIGNED, VERSION, program,
+    AxisCorrection, Calibration, FORMAT, MINOR_VERSION, NoiseTrace, Provenance, Target, UNASSIGNED, VERSION, program,
 };
 use crate::diagnostics::{ReportData, run_spans};
 use crate::fit::options::{FitOptions, check_with_prior};
@@ -119,7 +119,13 @@ fn provenance(windows: &Windows, options: &FitOptions) -> Provenance {
         Some(epoch) => (epoch as f64, "SOURCE_DATE_EPOCH"),
         None => (s_from_ns(newest), "newest input sample"),
     };
-    Provenance { program: program(), time_s, time_source: time_source.to_owned(), inputs: log_files(windows) }
+    Provenance {
+        program: program(),
+        time_s,
+        time_source: time_source.to_owned(),
+        inputs: log_files(windows),
+        noise_trace: NoiseTrace::of(windows),
+    }
 }
 
 /// Names the log, where there is only one.

@@ -86,8 +86,9 @@ pub fn verify<'a>(
     let overrides = reservations::of_retest(record, window_s, &axes);
     let units = setup.units.unwrap_or_default();
     let quieter = axes.iter().filter_map(|axis| reservations::quieter(record, axis, units));
-    let repeated = whole.repeat.map(reservations::repeated);
-    let objections = quieter.chain(reservations::other_offset(record, setup)).chain(repeated).collect();
+    let other_unit = axes.iter().filter_map(|axis| reservations::other_unit(record, axis));
+    let copies = reservations::copies(record, &whole.raw.trace);
+    let objections = quieter.chain(other_unit).chain(reservations::other_offset(record, setup)).chain(copies).collect();
     let verification = Verification {
         program: program(),
         serial: correction.serial(),

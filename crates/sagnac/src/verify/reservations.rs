@@ -3,7 +3,8 @@
 //!
 //! ```text
 //! overrides     input rate, window, limits easier than their base set, a single limit      in the line of the verdict
-//! objections    another temperature offset; a retest quieter than the record; copied rows  no acceptance, whatever the limits
+//! objections    another temperature offset; a retest quieter than the record, or of another    no acceptance, whatever the limits
+//!               unit's curve, noise or scale factor; copied rows
 //! ```
 
 use crate::calibration::{Calibration, NoiseFloor};
@@ -11,7 +12,7 @@ use crate::verify::limits::table::{Bound, Limits};
 use crate::verify::overrides::Override;
 use crate::verify::{AxisVerification, DecisionRule, SETS, SPECS};
 use sagnac_log::setup::{RateUnit, Setup};
-use sagnac_noise::Repeat;
+use sagnac_noise::{Repeat, Trace};
 use sagnac_units::format::significant;
 
 /// Windows whose lengths differ by less than this part of them are alike.
@@ -20,6 +21,12 @@ const SAME_WINDOW: f64 = 1e-6;
 /// A retest whose N is below this part of the record's, or whose B below that, is not of the same noise.
 const QUIETER_N: f64 = 0.5;
 const QUIETER_B: f64 = 1.0 / 3.0;
+/// A retest that keeps more than this part of the predicted drift, and this many times the misfit of the training logs, whose N is above this many times the record's, or whose scale factor
+/// differs by more, is not of the same unit.
+const OTHER_CURVE: f64 = 0.5;
+const OTHER_MISFIT: f64 = 2.0;
+const OTHER_N: f64 = 2.0;
+const OTHER_SCALE_PPM: f64 = 1000.0;
 /// σ² at two rows over that at one, more than the record has: white noise has 0.5, a mean of three rows 1.2.
 const CORRELATED: f64 = 0.4;
 /// Rows of intervals that differ by less than this part of them are alike.
@@ -97,8 +104,49 @@ fn of_filter(floor: &NoiseFloor, axis: &AxisVerification) -> Option<String> {
     })
 }
 
-/// Rows that came before count once.
-pub(crate) fn repeated(repeat: Repeat) -> String {
-    let [hours, percent] = [repeat.lag_s / 3600.0, 100.0 * repeat.shared].map(|value| significant(value, 3));
-    format!("rows of the retest repeat those {hours} h before: {percent} % of their noise is the same")
+/// Values of an axis that no other test of the unit has: its curve, its noise, its scale factor.
+pub(crate) fn other_unit(record: Option<&Calibration>, axis: &AxisVerification) -> Option<String> {
+    let fit = record?.axes.iter().find(|of_fit| of_fit.axis == axis.axis)?.fit.as_ref()?;
+    // What the model left in the training logs it leaves here, too.
+    let floor_dph = fit.noise_floor.as_ref().map_or(0.0, |floor| floor.value_dph);
+    let misfit_dph = (fit.residual.sigma_dph.powi(2) - floor_dph.powi(2)).max(0.0).sqrt();
+    let curve = axis.residual.over_temperature_dph.zip(axis.predicted_dph).and_then(|(left, predicted)| {
+        if left.value - SIGMAS * left.sigma < OTHER_MISFIT * misfit_dph {
+            return None;
+        }
+        let part = (left.value - SIGMAS * left.sigma) / predicted;
+        (part > OTHER_CURVE)
+            .then(|| format!("the correction leaves at least {} of the drift that it predicts", significant(part, 2)))
+    });
+    let walk = axis.residual.random_walk.zip(fit.noise_floor.as_ref()).and_then(|(walk, floor)| {
+        let [at_least, _] = walk.after_ends_deg_rt_h?;
+        let [at_least_text, own] = [at_least, floor.n_deg_rt_h].map(|n| significant(n, 2));
+        (at_least > OTHER_N * floor.n_deg_rt_h).then(|| format!("N is at least {at_least_text} °/√h, there {own}"))
+    });
+    let scale = axis.scale_factor_difference.and_then(|scale| {
+        let beyond_ppm = scale.ppm.abs() - SIGMAS * scale.sigma_ppm;
+        (beyond_ppm > OTHER_SCALE_PPM).then(|| format!("the scale factor differs by {} ppm", significant(scale.ppm, 3)))
+    });
+    let reasons: Vec<String> = [curve, walk, scale].into_iter().flatten().collect();
+    let letter = axis.axis;
+    (!reasons.is_empty()).then(|| {
+        format!(
+            "axis {letter}: the retest differs from the record as that of another unit would: {}",
+            reasons.join("; ")
+        )
+    })
+}
+
+/// Rows that came before, in the retest itself or in the training logs, prove nothing.
+pub(crate) fn copies(record: Option<&Calibration>, retest: &Trace) -> Vec<String> {
+    let percent = |copy: Repeat| significant(100.0 * copy.shared, 3);
+    let own = Repeat::within(retest).map(|copy| {
+        let hours = significant(copy.lag_s / 3600.0, 3);
+        format!("rows of the retest repeat those {hours} h before: {} % of their noise is the same", percent(copy))
+    });
+    let trained = record.and_then(|record| record.provenance.noise_trace.as_ref()?.trace());
+    let of_training = trained.and_then(|trained| Repeat::of_other(retest, &trained)).map(|copy| {
+        format!("rows of the retest repeat those of the training logs: {} % of their noise is the same", percent(copy))
+    });
+    own.into_iter().chain(of_training).collect()
 }

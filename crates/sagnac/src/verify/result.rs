@@ -89,6 +89,9 @@ impl Coverage {
     }
 }
 
+/// A slower ramp is rest, °C/min.
+const SLOWEST_CPM: f64 = 0.01;
+
 /// What a retest of the calibration's own profile does not show.
 pub const REPEATED_PROFILE: &str = "temperature moves with its rate or with time as in the calibration, which cannot separate \
                                     them: this test proves nothing for other profiles";
@@ -114,6 +117,10 @@ pub struct AxisVerification {
     pub residual_diagnostics: ResidualDiagnostics,
     /// Temperatures of the retest next to those of the fit; null without a temperature.
     pub coverage: Option<Coverage>,
+    /// Rates of the temperature over the judged windows, °C/min: the 5th and the 95th percentile; null without time. Faster ones are not
+    /// tested.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ramp_rates_cpm: Option<[f64; 2]>,
     /// A rate table turned the gyro.
     #[serde(default)]
     pub turned: bool,
@@ -123,6 +130,9 @@ pub struct AxisVerification {
     /// About this axis, one way and the other: else an asymmetry, or a bias even in rate, passes for a scale factor.
     #[serde(default)]
     pub turned_both_ways: bool,
+    /// Root mean square of the correction over the judged windows, about its mean, °/h; null where it corrects nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub predicted_dph: Option<f64>,
     /// The residual, value by value.
     pub residual: RetestResidual,
     /// What a stated flight comes to; null without one, or where the retest does not tell it.
@@ -171,6 +181,11 @@ pub struct AxisVerification {
 }
 
 impl AxisVerification {
+    /// The fastest temperature rate of the test, without its fastest windows, °C/min.
+    pub fn tested_cpm(&self) -> Option<f64> {
+        self.ramp_rates_cpm.map(|[cooling, heating]| heating.max(-cooling)).filter(|cpm| *cpm >= SLOWEST_CPM)
+    }
+
     /// The verdict on a limit, by its key.
     pub fn limit(&self, key: &str) -> Option<&Verdict> {
         self.limits.iter().find(|limit| limit.name == key)

@@ -14,7 +14,7 @@ use sagnac_log::ingest::{
 };
 use sagnac_log::memory::MemoryBudget;
 use sagnac_log::setup::{RunDivision, Setup, TableRun, WindowSize};
-use sagnac_noise::{FILLED, WindowedDifferences};
+use sagnac_noise::{FILLED, TraceWatch, WindowedDifferences};
 use sagnac_units::{ns_from_s, s_from_ns};
 
 /// Bytes of a window apart from its columns: times, samples, line, reference, reason.
@@ -48,6 +48,10 @@ pub struct WindowBuilder {
     rest: Option<RestWatch>,
     /// Where the stretch of those differences ends, ns.
     stretch_end_ns: Option<i64>,
+    /// Of the first axis: a copy has all of them.
+    trace: TraceWatch,
+    /// Where it ends, ns.
+    trace_end_ns: Option<i64>,
     run: Option<OpenRun>,
     /// Name of the file that is being read.
     file: String,
@@ -156,6 +160,8 @@ impl WindowBuilder {
             differences: vec![WindowedDifferences::new(sample_interval_s, noise_s); log.axes.len()],
             rest: (log.timed && !shape.is_turned).then(|| RestWatch::new(log)),
             stretch_end_ns: None,
+            trace: TraceWatch::new(sample_interval_s),
+            trace_end_ns: None,
             window_ns: shape.window.seconds().map(window_ns),
             shape,
             division: setup.runs,
@@ -257,6 +263,7 @@ impl WindowBuilder {
         if let Some(rest) = &mut self.rest {
             rest.push(batch);
         }
+        self.push_trace(batch);
         self.weights.clear();
         let rows = batch.start_ns.iter().zip(&batch.end_ns);
         self.weights.extend(rows.map(|(start, end)| (end - start) as f64));
@@ -269,6 +276,27 @@ impl WindowBuilder {
             at = end;
         }
         Ok(())
+    }
+
+    fn push_trace(&mut self, batch: &Batch) {
+        let Some(angle) = batch.angle.first() else { return };
+        let start_ns = batch.start_ns[0];
+        let lost = self.trace_end_ns.map_or(0, |end_ns| self.lost_rows(end_ns, start_ns));
+        self.trace.lose(lost);
+        self.trace_end_ns = batch.end_ns.last().copied();
+        if batch.is_plain() {
+            return self.trace.push(angle);
+        }
+        for row in 0..batch.len() {
+            let before = if row > 0 { self.lost_rows(batch.end_ns[row - 1], batch.start_ns[row]) } else { 0 };
+            self.trace.lose(before);
+            let rows = self.log.intervals(batch.start_ns[row], batch.end_ns[row]);
+            let is_known = batch.valid[row] && angle[row].is_finite();
+            match rows {
+                1..=FILLED if is_known => (0..rows).for_each(|_| self.trace.push(&[angle[row] / rows as f64])),
+                _ => self.trace.lose(rows),
+            }
+        }
     }
 
     /// A row that a window can take: of a cumulative counter with rows lost it may outlast a window.
@@ -503,6 +531,8 @@ impl WindowBuilder {
             rest.end_run();
         }
         self.stretch_end_ns = None;
+        self.trace.end_run();
+        self.trace_end_ns = None;
         let tracks = run.tracks.into_values();
         self.runs.push(Run { files: run.files, start_ns: run.start_ns, end_ns: run.end_ns, tracks });
     }
@@ -545,7 +575,8 @@ impl WindowBuilder {
         let mut tallies = Tallies::default();
         self.runs.iter().flat_map(|run| &run.files).for_each(|file| tallies.merge(&file.summary.tallies));
         let rest = self.rest.and_then(RestWatch::finish);
-        let mut windows = Windows { shape: self.shape, runs: self.runs, rows: self.rows, tallies, rest };
+        let trace = self.trace.finish();
+        let mut windows = Windows { shape: self.shape, runs: self.runs, rows: self.rows, tallies, rest, trace };
         for i in 0..windows.len() {
             let run = &windows.runs[windows.rows.run[i] as usize];
             if windows.rows.start_ns[i] - run.start_ns < self.discard_initial_ns {

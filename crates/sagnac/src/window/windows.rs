@@ -3,7 +3,7 @@
 use crate::window::rest::Rest;
 use sagnac_log::ingest::{AngleUnit, LogSummary, Reason, Tallies};
 use sagnac_log::setup::WindowSize;
-use sagnac_noise::{FILLED, Hump, JudgedWindow, MeasuredNoise, WindowSquares, WindowedCurve};
+use sagnac_noise::{FILLED, Hump, JudgedWindow, MeasuredNoise, Trace, WindowSquares, WindowedCurve};
 use sagnac_units::s_from_ns;
 
 /// What a set of windows consists of.
@@ -161,6 +161,8 @@ pub struct Windows {
     pub tallies: Tallies,
     /// Motion and rest of the rows; `None` from few rows, without a clock, and on a rate table.
     pub rest: Option<Rest>,
+    /// The noise of the rows of the first axis, by which a copy is recognised.
+    pub trace: Trace,
 }
 
 /// Standard errors beyond which a window's scatter is not noise.
@@ -278,6 +280,7 @@ impl Windows {
             rows: self.rows.only(members),
             tallies: self.tallies.clone(),
             rest: self.rest.clone(),
+            trace: self.trace.clone(),
         }
     }
 

@@ -37,7 +37,6 @@ pub fn unanswered(windows: &Windows, correction: &Correction, setup: &Setup) -> 
         status: vec![vec![Status::OK; windows.len()]; windows.shape.axes.len()],
         flagged_off: Vec::new(),
         clocks: Clocks::default(),
-        repeat: None,
     };
     pair.leave_out_unknown(setup)?;
     let name = correction.calibration.as_ref().and_then(|calibration| calibration.thermometer_name());

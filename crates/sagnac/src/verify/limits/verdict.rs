@@ -164,10 +164,11 @@ impl DecisionRule {
     /// The rule in a sentence.
     pub const fn words(self) -> &'static str {
         match self {
-            Self::Simple => "simple. The value alone decides.",
+            Self::Simple => "simple. The value alone decides: a unit at a limit is accepted in half of such tests.",
             Self::Guarded => {
                 "guarded (ISO 14253-1). A limit is met where the value and 1.645 of its standard errors (±) are within the bound, not met \
-                 where both are beyond it, else not decided."
+                 where both are beyond it, else not decided. A unit beyond any limit is accepted in about 5 % of such tests, however many \
+                 limits there are, for it must meet each."
             }
         }
     }

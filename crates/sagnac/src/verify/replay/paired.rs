@@ -17,7 +17,6 @@ use sagnac_core::Status;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::{Batch, LogShape, Logs, Reason, same_shape};
 use sagnac_log::setup::{Setup, WindowSize};
-use sagnac_noise::{Repeat, RepeatWatch};
 use sagnac_units::{ns_from_s, s_from_ns};
 
 use crate::rate_table::input::RateTableInput;
@@ -35,8 +34,6 @@ pub(crate) struct PairedWindows {
     pub(crate) flagged_off: Vec<Option<FlaggedOff>>,
     /// What the times of its files say of one another.
     pub(crate) clocks: Clocks,
-    /// Rows that are a copy of earlier ones.
-    pub(crate) repeat: Option<Repeat>,
 }
 
 impl PairedWindows {
@@ -121,7 +118,6 @@ impl PairedWindows {
             status: self.status.iter().map(|column| members.iter().map(|i| column[*i]).collect()).collect(),
             flagged_off: Vec::new(),
             clocks: Clocks::default(),
-            repeat: None,
         }
     }
 
@@ -152,9 +148,6 @@ struct PairBuilder {
     corrected: WindowBuilder,
     /// None on a table.
     flagged: Option<FlaggedWatch>,
-    /// Of the first axis: a copy has all of them.
-    repeats: RepeatWatch,
-    last_end_ns: i64,
 }
 
 impl PairBuilder {
@@ -164,8 +157,6 @@ impl PairBuilder {
         let window_ns = window_s.and_then(ns_from_s).unwrap_or(shape.nominal_ns);
         Ok(Self {
             flagged: (shape.timed && !shape.has_reference).then(|| FlaggedWatch::new(shape.axes.len(), window_ns)),
-            repeats: RepeatWatch::new(s_from_ns(shape.nominal_ns)),
-            last_end_ns: i64::MIN,
             shape: shape.clone(),
             raw: WindowBuilder::new(shape, setup)?.without_tracks(),
             corrected: WindowBuilder::new(&without_aux, setup)?.without_tracks(),
@@ -181,7 +172,6 @@ impl PairBuilder {
 
     fn push(&mut self, batch: &Batch, corrected: Corrected) -> Result<()> {
         self.raw.push(batch)?;
-        self.watch_repeats(batch);
         let Corrected { angle, unrounded, status } = corrected;
         let mut side = batch.clone();
         side.angle = angle;
@@ -197,19 +187,6 @@ impl PairBuilder {
         self.corrected.push_corrected(&side, &unrounded, &status)
     }
 
-    fn watch_repeats(&mut self, batch: &Batch) {
-        for (row, angle) in batch.angle.first().into_iter().flatten().enumerate() {
-            let follows = batch.start_ns[row] == self.last_end_ns;
-            if !follows || !batch.valid[row] || !angle.is_finite() {
-                self.repeats.end_stretch();
-            }
-            self.last_end_ns = batch.end_ns[row];
-            if batch.valid[row] && angle.is_finite() {
-                self.repeats.push(*angle);
-            }
-        }
-    }
-
     fn finish(self, setup: &Setup) -> PairedWindows {
         let raw = self.raw.finish_whole();
         let (mut corrected, status) = self.corrected.keep_outliers().finish_with_status();
@@ -219,6 +196,6 @@ impl PairBuilder {
         let length_s = raw.runs.iter().map(Run::length_s).sum();
         let finish = |flagged: FlaggedWatch| flagged.finish(length_s, raw.shape.unit.arcsec());
         let flagged_off = self.flagged.map_or_else(Vec::new, finish);
-        PairedWindows { raw, corrected, status, flagged_off, clocks, repeat: self.repeats.finish() }
+        PairedWindows { raw, corrected, status, flagged_off, clocks }
     }
 }

@@ -3,7 +3,7 @@
 
 use super::acceptance::{missed, navigation, proof};
 use crate::hostile::curves::calibrated;
-use crate::hostile::{Bench, fraction, usual};
+use crate::hostile::{Bench, Now, fraction, usual};
 use crate::support::evidence::{Records, evidence};
 use crate::support::reader;
 use crate::support::rows::{Rows, to_decimals};
@@ -177,6 +177,31 @@ fn a_retest_quieter_than_the_record_is_not_accepted() {
         says(Bench { b_dph: 0.004, ..Bench::retest(48_000 + seed, &usual) }, 1)[0]
     });
     evidence("a sound retest is called quieter than its record", sound, "≤ 0.01", Records::new(300).few(20));
+}
+
+/// The log of another unit under this serial: other curve, three times the noise. The same unit after a move of 0.01 °/h and another slope
+/// of its curve is none.
+#[test]
+fn the_log_of_another_unit_is_named() {
+    let unit = calibrated();
+    let is_named = |bench: Bench<'_>| {
+        let found = proof(&unit, vec![bench.log()], VerifyOptions::default()).limits(&navigation()).unwrap();
+        let is_named = found.verification.objections.iter().any(|why| why.contains("another unit"));
+        assert!(!(is_named && found.passed()));
+        is_named
+    };
+    let other = |now: Now| -0.012 * now.u() + 0.015 * now.u().powi(2) - 0.02 * now.cpm;
+    let named = fraction(RECORDS, |seed| is_named(Bench::retest(49_500 + seed, &other)));
+    evidence("the log of a unit with another curve is named", named, "≥ 0.95", RECORDS);
+    let named = fraction(RECORDS, |seed| is_named(Bench { n_deg_rt_h: 0.009, ..Bench::retest(49_600 + seed, &usual) }));
+    evidence("the log of a unit with three times the N is named", named, "≥ 0.95", RECORDS);
+    let moved = |now: Now| usual(now) + 0.01 * now.u();
+    let sound = Records::new(300).few(40);
+    let named = fraction(sound, |seed| {
+        let b_dph = [0.002, 0.005, 0.01][seed as usize % 3];
+        is_named(Bench { b_dph, bias_dph: 0.01, ..Bench::retest(49_700 + seed, &moved) })
+    });
+    evidence("a unit that moved by 0.01 °/h at the ends of its span is taken for another", named, "≤ 0.01", sound);
 }
 
 /// The log as rates behind one pole with a time constant of 10 s.

@@ -9,7 +9,7 @@ use crate::support::{fit, reader};
 use sagnac::Limits;
 use sagnac::calibration::{Calibration, Plateau, PpmEstimate};
 use sagnac::fit::{FitOptions, calibrate};
-use sagnac::verify::{AxisVerification, Correction, Verdict, VerifyOptions, verify};
+use sagnac::verify::{AxisVerification, Correction, Verdict, Verification, VerifyOptions, verify};
 use sagnac::window::WindowBuilder;
 use sagnac_log::ingest::LogReader;
 use sagnac_log::setup::{PerAxis, Setup, TableRun};
@@ -33,12 +33,15 @@ pub(crate) fn calibrated(most_dps: f64, scale_ppm: f64) -> Calibration {
     fit(logs, &Table::setup(), "bias 2, scale 2").unwrap()
 }
 
-fn judged(unit: &Calibration, table: Table, limits: &Limits) -> AxisVerification {
+fn proved(unit: &Calibration, table: Table, limits: &Limits) -> Verification {
     let setup = Table::setup();
     let correction = Correction::from_calibration(unit.clone()).unwrap();
     let log = vec![reader(table.log(), &setup)];
-    let proof = verify(&correction, log, &setup, VerifyOptions::default()).unwrap().limits(limits).unwrap();
-    proof.verification.axes[0].clone()
+    verify(&correction, log, &setup, VerifyOptions::default()).unwrap().limits(limits).unwrap().verification
+}
+
+fn judged(unit: &Calibration, table: Table, limits: &Limits) -> AxisVerification {
+    proved(unit, table, limits).axes.remove(0)
 }
 
 /// Names of the limits that are not met.
@@ -112,6 +115,18 @@ fn half_of_every_limit_in_ppm_passes_and_twice_any_is_refused() {
     let met =
         meets(&far, &limits, "scale_factor_ppm_max", |seed| Table { scale_ppm: 300.0, ..Table::new(6000 + seed) });
     evidence("a unit at twice `scale_factor_ppm_max` meets it", met, "≤ 0.05", 60);
+}
+
+/// A retest whose S is 0.15 % off the record's is of another unit, whatever the limits ask.
+#[test]
+fn the_scale_factor_of_another_unit_is_named() {
+    let unit = calibrated(10.0, 0.0);
+    let limits: Limits = "missing_max = 0.5".parse().unwrap();
+    for (scale_ppm, is_other) in [(1500.0, true), (-1500.0, true), (500.0, false)] {
+        let found = proved(&unit, Table { scale_ppm, ..Table::new(6900) }, &limits);
+        let named = found.objections.iter().any(|why| why.contains("the scale factor differs by"));
+        assert_eq!((named, found.passed()), (is_other, !is_other), "{scale_ppm}: {:?}", found.objections);
+    }
 }
 
 /// A table that turns one way: an asymmetry, or a bias even in rate, passes for a scale factor.
