@@ -86,7 +86,7 @@ pub fn verify<'a>(
     let overrides = reservations::of_retest(record, window_s, &axes);
     let units = setup.units.unwrap_or_default();
     let quieter = axes.iter().filter_map(|axis| reservations::quieter(record, axis, units));
-    let other_unit = axes.iter().filter_map(|axis| reservations::other_unit(record, axis));
+    let other_unit = axes.iter().filter_map(|axis| reservations::other_unit(record, axis, setup));
     let copies = reservations::copies(record, &whole.raw.trace);
     let objections = quieter.chain(other_unit).chain(reservations::other_offset(record, setup)).chain(copies).collect();
     let verification = Verification {

@@ -22,11 +22,12 @@ const SAME_WINDOW: f64 = 1e-6;
 const QUIETER_N: f64 = 0.5;
 const QUIETER_B: f64 = 1.0 / 3.0;
 /// A retest that keeps more than this part of the predicted drift, and this many times the misfit of the training logs, whose N is above this many times the record's, or whose scale factor
-/// differs by more, is not of the same unit.
+/// differs by more than this part of the deviation that the setup allows, is not of the same unit.
 const OTHER_CURVE: f64 = 0.5;
 const OTHER_MISFIT: f64 = 2.0;
 const OTHER_N: f64 = 2.0;
-const OTHER_SCALE_PPM: f64 = 1000.0;
+const OTHER_SIGMAS: f64 = 3.0;
+const OTHER_SCALE: f64 = 0.2;
 /// σ² at two rows over that at one, more than the record has: white noise has 0.5, a mean of three rows 1.2.
 const CORRELATED: f64 = 0.4;
 /// Rows of intervals that differ by less than this part of them are alike.
@@ -105,27 +106,31 @@ fn of_filter(floor: &NoiseFloor, axis: &AxisVerification) -> Option<String> {
 }
 
 /// Values of an axis that no other test of the unit has: its curve, its noise, its scale factor.
-pub(crate) fn other_unit(record: Option<&Calibration>, axis: &AxisVerification) -> Option<String> {
+pub(crate) fn other_unit(record: Option<&Calibration>, axis: &AxisVerification, setup: &Setup) -> Option<String> {
     let fit = record?.axes.iter().find(|of_fit| of_fit.axis == axis.axis)?.fit.as_ref()?;
     // What the model left in the training logs it leaves here, too.
     let floor_dph = fit.noise_floor.as_ref().map_or(0.0, |floor| floor.value_dph);
     let misfit_dph = (fit.residual.sigma_dph.powi(2) - floor_dph.powi(2)).max(0.0).sqrt();
-    let curve = axis.residual.over_temperature_dph.zip(axis.predicted_dph).and_then(|(left, predicted)| {
-        if left.value - SIGMAS * left.sigma < OTHER_MISFIT * misfit_dph {
-            return None;
-        }
-        let part = (left.value - SIGMAS * left.sigma) / predicted;
-        (part > OTHER_CURVE)
-            .then(|| format!("the correction leaves at least {} of the drift that it predicts", significant(part, 2)))
-    });
+    let curve = axis.residual.over_temperature_dph.zip(axis.residual.removed_over_temperature_dph).and_then(
+        |(left, predicted)| {
+            if left.value - OTHER_SIGMAS * left.sigma < OTHER_MISFIT * misfit_dph {
+                return None;
+            }
+            let part = (left.value - OTHER_SIGMAS * left.sigma) / predicted;
+            (part > OTHER_CURVE).then(|| {
+                format!("the correction leaves at least {} of the drift that it predicts", significant(part, 2))
+            })
+        },
+    );
     let walk = axis.residual.random_walk.zip(fit.noise_floor.as_ref()).and_then(|(walk, floor)| {
         let [at_least, _] = walk.after_ends_deg_rt_h?;
         let [at_least_text, own] = [at_least, floor.n_deg_rt_h].map(|n| significant(n, 2));
         (at_least > OTHER_N * floor.n_deg_rt_h).then(|| format!("N is at least {at_least_text} °/√h, there {own}"))
     });
     let scale = axis.scale_factor_difference.and_then(|scale| {
-        let beyond_ppm = scale.ppm.abs() - SIGMAS * scale.sigma_ppm;
-        (beyond_ppm > OTHER_SCALE_PPM).then(|| format!("the scale factor differs by {} ppm", significant(scale.ppm, 3)))
+        let beyond_ppm = scale.ppm.abs() - OTHER_SIGMAS * scale.sigma_ppm;
+        (beyond_ppm > OTHER_SCALE * setup.scale_factor_deviation_max_ppm())
+            .then(|| format!("the scale factor differs by {} ppm", significant(scale.ppm, 3)))
     });
     let reasons: Vec<String> = [curve, walk, scale].into_iter().flatten().collect();
     let letter = axis.axis;

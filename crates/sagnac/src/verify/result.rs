@@ -130,9 +130,6 @@ pub struct AxisVerification {
     /// About this axis, one way and the other: else an asymmetry, or a bias even in rate, passes for a scale factor.
     #[serde(default)]
     pub turned_both_ways: bool,
-    /// Root mean square of the correction over the judged windows, about its mean, °/h; null where it corrects nothing.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub predicted_dph: Option<f64>,
     /// The residual, value by value.
     pub residual: RetestResidual,
     /// What a stated flight comes to; null without one, or where the retest does not tell it.

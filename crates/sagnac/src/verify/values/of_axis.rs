@@ -181,7 +181,6 @@ impl Against<'_> {
             turned: drifts.is_turned(),
             turned_about: drifts.is_turned_about(axis),
             turned_both_ways: drifts.is_turned_both_ways(used, axis),
-            predicted_dph: predicted(points),
             residual: residual(points, &noise, prepared.random_walk(axis)),
             flight: None,
             flight_unavailable: None,
@@ -221,13 +220,6 @@ impl Against<'_> {
     fn image(&self, axis: char) -> Option<&Image> {
         self.correction.images.iter().find(|image| char::from(image.description().axis) == axis)
     }
-}
-
-/// Both sides of the points are about the means of their runs.
-fn predicted(points: &[WindowPoint]) -> Option<f64> {
-    let used = judged_windows::judged(points);
-    let square = used.iter().map(|p| (p.before_dph - p.after_dph).powi(2)).sum::<f64>() / used.len() as f64;
-    Some(square.sqrt()).filter(|rms| *rms > 0.0)
 }
 
 /// Part of the temperature rates of a fit that the ramps of a retest reach.

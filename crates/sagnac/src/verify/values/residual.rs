@@ -100,6 +100,9 @@ pub struct RetestResidual {
     /// Root mean square over temperature of the smooth residual, less what noise makes of it, °/h: every temperature visited counts
     /// alike. Null where the temperature does not move.
     pub over_temperature_dph: Option<Estimate>,
+    /// The same of what the correction removed, °/h; null where it removed nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub removed_over_temperature_dph: Option<f64>,
     /// Estimate of the bias instability, °/h; null with too few neighbours.
     pub bias_instability_dph: Option<Estimate>,
 }
@@ -117,6 +120,7 @@ pub(crate) fn residual(points: &[WindowPoint], noise: &RetestNoise, random_walk:
         rate_slope,
         random_walk,
         over_temperature_dph: over_temperature(&used, noise),
+        removed_over_temperature_dph: removed_over_temperature(&used),
         bias_instability_dph: bias_instability(&used),
     }
 }
@@ -265,9 +269,30 @@ fn over_temperature(used: &[&WindowPoint], noise: &RetestNoise) -> Option<Estima
     Some(Estimate { value, sigma: widening * sigma })
 }
 
+/// By the mean of each band of temperature: what follows its rate has another sign on the way back.
+fn removed_over_temperature(used: &[&WindowPoint]) -> Option<f64> {
+    let known: Vec<&&WindowPoint> = used.iter().filter(|p| p.temperature_c.is_finite()).collect();
+    let ends = |(lo, hi): (f64, f64), t: f64| (lo.min(t), hi.max(t));
+    let (lo, hi) = known.iter().map(|p| p.temperature_c).fold((f64::INFINITY, f64::NEG_INFINITY), ends);
+    let mut bands = [(0.0, 0.0); BANDS as usize];
+    for p in known.iter().filter(|_| hi - lo >= LEAST_SPAN_C) {
+        let (sum, n) = &mut bands[band((p.temperature_c - lo) / (hi - lo))];
+        (*sum, *n) = (*sum + p.before_dph - p.after_dph, *n + 1.0);
+    }
+    let means: Vec<f64> = bands.iter().filter(|(_, n)| *n > 0.0).map(|(sum, n)| sum / n).collect();
+    let mean = means.iter().sum::<f64>() / means.len() as f64;
+    let square = means.iter().map(|dph| (dph - mean).powi(2)).sum::<f64>() / means.len() as f64;
+    Some(square.sqrt()).filter(|rms| *rms > 0.0)
+}
+
+/// The band of a place in the span, 0 to 1.
+fn band(place: f64) -> usize {
+    (place * BANDS).min(BANDS - 1.0) as usize
+}
+
 /// Weights of windows by their place in the span, 0 to 1: all of a band together as much as those of any other.
 fn band_weights(places: impl Iterator<Item = f64>) -> DVector<f64> {
-    let bands: Vec<usize> = places.map(|place| (place * BANDS).min(BANDS - 1.0) as usize).collect();
+    let bands: Vec<usize> = places.map(band).collect();
     let mut counts = [0.0; BANDS as usize];
     bands.iter().for_each(|band| counts[*band] += 1.0);
     let visited = counts.iter().filter(|count| **count > 0.0).count() as f64;
