@@ -9,8 +9,8 @@
 //!
 //! Fails for a record whose parts are mostly lost: it has no noise of its own.
 
-use crate::windowed::FILLED;
-
+/// Most lost rows in a row that are as the last one was.
+const MOST_FILLED: u64 = 8;
 /// A part of fast rows, s.
 const PART_S: f64 = 0.25;
 /// More parts are joined in pairs.
@@ -70,7 +70,7 @@ impl TraceWatch {
 
     /// Rows that are missing before the next one. A few are as the last one was.
     pub fn lose(&mut self, rows: u64) {
-        if rows <= FILLED {
+        if rows <= MOST_FILLED {
             return (0..rows).for_each(|_| self.push(&[self.last]));
         }
         let all = self.open_rows.saturating_add(rows);

@@ -287,13 +287,13 @@ impl WindowBuilder {
         if batch.is_plain() {
             return self.trace.push(angle);
         }
-        for row in 0..batch.len() {
+        for (row, value) in angle.iter().enumerate() {
             let before = if row > 0 { self.lost_rows(batch.end_ns[row - 1], batch.start_ns[row]) } else { 0 };
             self.trace.lose(before);
             let rows = self.log.intervals(batch.start_ns[row], batch.end_ns[row]);
-            let is_known = batch.valid[row] && angle[row].is_finite();
+            let is_known = batch.valid[row] && value.is_finite();
             match rows {
-                1..=FILLED if is_known => (0..rows).for_each(|_| self.trace.push(&[angle[row] / rows as f64])),
+                1..=FILLED if is_known => (0..rows).for_each(|_| self.trace.push(&[value / rows as f64])),
                 _ => self.trace.lose(rows),
             }
         }

@@ -231,7 +231,7 @@ fn chamber_period(hours: f64) -> f64 {
 /// tests are the same but for a few counts, and nothing tells a copy.
 fn traits(seed: u64) -> (f64, f64) {
     let quantum_arcsec = [0.1, hostile::QUANTUM_ARCSEC, 1.0, 2.0][seed as usize / 3 % 4];
-    (quantum_arcsec, if seed % 3 == 0 { 0.000_3 } else { 0.003 })
+    (quantum_arcsec, if seed.is_multiple_of(3) { 0.000_3 } else { 0.003 })
 }
 
 /// Traits that honest rows share with earlier ones.
