@@ -38,7 +38,7 @@ module sagnac_correction #(
     output wire                       refused,
     output wire                       valid,
     output wire signed [31:0]         counts,
-    output wire        [7:0]          status        // {overflow, limited, status of the update in force}
+    output wire        [7:0]          status        // {overflow, limited, status of the update in force at the last tick}
 );
     localparam [31:0] IDENTIFICATION = 32'h53470001;
     /* verilator lint_off WIDTH */ // parameters are integers, in range
@@ -52,7 +52,7 @@ module sagnac_correction #(
     wire [2:0] fault, inputs;
     wire [7:0] fault_word, image_address;
     wire [31:0] image_crc, period_ticks, slew_ticks, output_limit, image_word, ticks_to_update, new_steeper;
-    wire [5:0] terms, slow_status, new_status;
+    wire [5:0] terms, slow_status, tick_status, new_status;
     wire [3:0] highest_order;
     wire signed [63:0] accumulator;
     wire signed [47:0] increment, target, new_target, new_slope;
@@ -65,7 +65,7 @@ module sagnac_correction #(
     reg [31:0] tick_ns, refusals;
     reg [3:0] present;
 
-    assign status = {overflow, limited, slow_status};
+    assign status = {overflow, limited, tick_status};
 
     sagnac_image #(.INPUTS(INPUTS), .PIECES(PIECES), .HARMONICS(HARMONICS), .DERIVED(DERIVED), .STEP_LIMITS(STEP_LIMITS), .IMAGE(IMAGE)) image (
         .clk(clk), .rst(rst), .write(write && address[8]), .write_address(address[7:0]), .write_data(write_data), .load(load),
@@ -82,7 +82,7 @@ module sagnac_correction #(
         .clk(clk), .rst(rst), .restart(restart || replaced), .clear(clear), .tick(tick), .gap(gap), .raw(raw), .apply(ready),
         .apply_held(held), .apply_k(new_k), .apply_target(new_target), .apply_slope(new_slope), .apply_steeper(new_steeper),
         .apply_status(new_status), .period_ticks(period_ticks), .slew_ticks(slew_ticks), .output_limit(output_limit),
-        .applied(applied), .ticks_to_update(ticks_to_update), .status(slow_status), .due(due), .refused(refused), .valid(valid),
+        .applied(applied), .ticks_to_update(ticks_to_update), .status(slow_status), .tick_status(tick_status), .due(due), .refused(refused), .valid(valid),
         .counts(counts), .limited(limited), .overflow(overflow), .accumulator(accumulator), .increment(increment), .target(target), .k(k));
 
     wire to_register = write && !address[8];
@@ -119,7 +119,7 @@ module sagnac_correction #(
         end
     end
 
-    wire [31:0] state = {14'd0, write_refused, held, ready, busy, due, checking, loaded, fault, status};
+    wire [31:0] state = {14'd0, write_refused, held, ready, busy, due, checking, loaded, fault, overflow, limited, slow_status};
 
     always @(posedge clk)
         case (address)

@@ -10,7 +10,7 @@
 // |raw| > 2^29, a restart in the same clock, or a tick with counts before this one that is still being summed, raises `refused` for a
 // clock, and nothing has changed: the counts are the sender's, who offers them again with the next tick or counts them as lost. Ticks
 // three clocks apart are never refused for the last reason. `clear` comes between two of them, once `valid` has been. `status` is the slow
-// path's of the update in force.
+// path's of the update in force; `tick_status` that of the last tick, which an update that is ready in time changes before `valid`.
 //
 // Where it fails: RAW_BITS too small for the pulses of a tick loses them before they get here.
 `timescale 1ns / 1ns
@@ -39,6 +39,7 @@ module sagnac_fast #(
     output wire                             applied,
     output reg         [31:0]               ticks_to_update,
     output reg         [5:0]                status,
+    output reg         [5:0]                tick_status,
     output wire                             due,
     output reg                              refused,
     output reg                              valid,
@@ -87,6 +88,7 @@ module sagnac_fast #(
             status <= 6'b100000;
             refused <= tick;
             if (rst) begin
+                tick_status <= 6'b100000;
                 increment <= 48'd0;
                 k <= 34'h100000000;
                 product <= 64'sd0;
@@ -115,6 +117,7 @@ module sagnac_fast #(
             if (slewing != 32'd0 && steeper != 32'd0)
                 steeper <= steeper - 32'd1;
             product <= scaled_wide[63:0];
+            tick_status <= status;
             taken <= !gap;
         end
     end
