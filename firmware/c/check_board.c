@@ -86,7 +86,10 @@ static int new_board(FILE *file)
     if (!read_loaded(file)) {
         return 0;
     }
-    sagnac_board_start(&board, &loaded, &path, &light);
+    {
+        const sagnac_cause cause = (word(file, 1) != 0U) ? SAGNAC_RESET : SAGNAC_POWER_ON;
+        sagnac_board_start(&board, &loaded, &path, &light, cause, word(file, 4));
+    }
     if (strips != 0U) {
         sagnac_board_strip(&board, longest, least);
     }
@@ -163,7 +166,7 @@ static unsigned long state_upsets(void)
         quick.image.period_ticks = 200U;
         quick.image.slew_ticks = 20U;
         quick.image.output_limit = 2147483647U;
-        sagnac_board_start(&steady, &quick, &path, &light);
+        sagnac_board_start(&steady, &quick, &path, &light, SAGNAC_POWER_ON, 0U);
         (void)run_quietly(&steady, moments[moment]);
         for (bit = 0; bit < 8U * sizeof(sagnac_compensator_state); bit++) {
             const size_t at = bit / 8U;
@@ -195,7 +198,7 @@ static unsigned long limited_upsets(void)
     sagnac_loaded slow = loaded;
     unsigned long wrong = 0;
     slow.image.output_limit = 1U;
-    sagnac_board_start(&limited, &slow, &path, &light);
+    sagnac_board_start(&limited, &slow, &path, &light, SAGNAC_POWER_ON, 0U);
     wrong += (run_quietly(&limited, 250U) & (SAGNAC_UPSET | SAGNAC_LIMITED)) != SAGNAC_LIMITED;
     limited.state.accumulator = INT64_C(1) << 62;
     limited.state.overflow = 1U;

@@ -262,7 +262,7 @@ static void power_on(const settings *with)
     rig.noise = 1U;
     sagnac_upload_power_on(&upload);
     sagnac_banks_start(&banks, &gyro, &loaded);
-    sagnac_board_start(&board, &loaded, &path, &light);
+    sagnac_board_start(&board, &loaded, &path, &light, SAGNAC_POWER_ON, 0U);
     if (with->dither_counts > 0U) {
         sagnac_board_strip(&board, LONGEST, LEAST_SWING);
     }

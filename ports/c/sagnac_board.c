@@ -71,11 +71,25 @@ static void board_check_state(sagnac_board *board)
     }
 }
 
+/* Slow updates in so many seconds; all that fit, if there are more. */
+static uint32_t updates_in(const sagnac_image *image, uint32_t seconds)
+{
+    const uint64_t period_ns = (uint64_t)image->tick_ns * (uint64_t)image->period_ticks;
+    const uint64_t updates = ((uint64_t)seconds * (uint64_t)1000000000U) / period_ns;
+    return (updates < (uint64_t)UINT32_MAX) ? (uint32_t)updates : UINT32_MAX;
+}
+
 void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const sagnac_path_length *path,
-                        const sagnac_intensity *light)
+                        const sagnac_intensity *light, sagnac_cause cause, uint32_t since_power_on_s)
 {
     board_take_image(board, loaded);
-    sagnac_compensator_start(&board->state);
+    if (cause == SAGNAC_POWER_ON) {
+        sagnac_compensator_start(&board->state);
+    } else if (since_power_on_s == SAGNAC_UNKNOWN_TIME) {
+        sagnac_compensator_start_warm(&board->state);
+    } else {
+        sagnac_compensator_start_after(&board->image, &board->state, updates_in(&board->image, since_power_on_s));
+    }
     board->path = path;
     sagnac_path_length_start(path, &board->path_state);
     board->light = light;

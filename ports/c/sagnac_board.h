@@ -9,7 +9,7 @@
  *
  * Use:
  *   sagnac_banks_start(&banks, &gyro, &loaded);
- *   sagnac_board_start(&board, &loaded, &path, &light);      (a dithered gyro: then sagnac_board_strip)
+ *   sagnac_board_start(&board, &loaded, &path, &light, SAGNAC_POWER_ON, 0); (a dithered gyro: then sagnac_board_strip)
  *   in the 100 us interrupt, with the counts of the processor's encoder timer:
  *     sagnac_board_make_up(&board, missed);                    (where a clock of its own shows ticks without an interrupt)
  *     if (sagnac_board_tick(&board, counts, lost_steps, &sample, &actuators, &frame) != 0U) { send frame; }
@@ -96,9 +96,20 @@ typedef struct {
     sagnac_output_frame frame;
 } sagnac_board;
 
-/* A board at power-on, without stripping and without a watch. The loops stay the caller's. */
+/* How the processor came to begin: with the power, or by a watchdog, a command or a dip of the supply, in which the gyro stayed warm. */
+typedef enum {
+    SAGNAC_POWER_ON = 0,
+    SAGNAC_RESET = 1
+} sagnac_cause;
+
+/* No clock ran through the reset. */
+#define SAGNAC_UNKNOWN_TIME 0xFFFFFFFFU
+
+/* A board that begins, without stripping and without a watch. The loops stay the caller's. After a reset a warm-up goes on where it is
+ * `since_power_on_s` after power-on; with SAGNAC_UNKNOWN_TIME it is over, and SETTLING stands for three of its time constants. At power-on
+ * the number is not read. */
 void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const sagnac_path_length *path,
-                        const sagnac_intensity *light);
+                        const sagnac_intensity *light, sagnac_cause cause, uint32_t since_power_on_s);
 
 /* The gyro is dithered: sagnac_stripper_start says what the two numbers are. */
 void sagnac_board_strip(sagnac_board *board, uint32_t longest, uint32_t least_swing);

@@ -30,11 +30,18 @@
 #define CRC_LENGTH 4U
 /* Where the lag of a warm-up begins: -1 degC. */
 #define WARM_UP_START_Q46 (-(int64_t)70368744177664)
-/* Updates for which a step must stay before it is a value, and 2^3 of the longest hold after which a filter goes on is tau. */
+/* Updates for which a step must stay before it is a value; updates from the first value on in which a step leaves no doubt; updates for
+ * which a reach grows; and 2^3 of the longest hold after which a filter goes on is tau. */
 #define STEADY_UPDATES 3U
+#define START_UPDATES 6U
+#define MOST_GROWTH 65535U
+#define MOST_STEP_GROWTH 16U
+/* Slow updates that a start after a reset makes of a warm-up at most: 2^20. */
+#define MOST_UPDATES_MADE_UP 1048576U
 #define HOLD_SHIFT 3U
-/* The minor version of an image with a largest step, the newest that is read; else of one with a warm-up; else of one with an input that repeats another; else of one
+/* The minor version of an image with a largest step that grows, the newest that is read; else of one with a largest step; else of one with a warm-up; else of one with an input that repeats another; else of one
  * with harmonics; else 0. */
+#define MINOR_OF_GROWTH 5U
 #define MINOR_OF_STEPS 4U
 #define MINOR_OF_WARM_UPS 3U
 #define MINOR_OF_REPEATS 2U
@@ -172,13 +179,56 @@ static uint32_t distance(int32_t a, int32_t b)
     return (uint32_t)((apart < 0) ? -apart : apart);
 }
 
+/* How far from an older value a value may lie after some updates without one. */
+static uint64_t reach(const sagnac_input *spec, uint32_t updates)
+{
+    const uint32_t most = (updates < MOST_GROWTH) ? updates : MOST_GROWTH;
+    uint64_t grown = 0U;
+    if (spec->step_growth > 0U) {
+        grown = ((uint64_t)most * (uint64_t)spec->largest_step_q8) << spec->step_growth;
+    }
+    return ((uint64_t)spec->largest_step_q8 * (uint64_t)65536U) + grown;
+}
+
+/* A value that jumped from the last one is nearer to the one before the doubt, and within reach of it. */
+static uint32_t has_returned(const sagnac_input *spec, const sagnac_input_state *memory, int32_t t_q24)
+{
+    const uint32_t from_before = distance(t_q24, memory->before_q24);
+    return ((memory->doubted_updates > 0U) && (from_before < distance(t_q24, memory->last_q24)) &&
+            ((uint64_t)from_before <= reach(spec, memory->doubted_updates)))
+               ? SAGNAC_YES
+               : SAGNAC_NO;
+}
+
+/* After a step the input is in doubt, until it jumps back to within reach of its value before. */
+/* SAG-CORE-028 */
+static void doubt_step(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24)
+{
+    if (spec->step_growth == 0U) {
+        /* A step leaves no doubt. */
+    } else if (has_returned(spec, memory, t_q24) != 0U) {
+        memory->doubted_updates = 0U;
+    } else if ((memory->doubted_updates == 0U) && (memory->settled_updates >= START_UPDATES)) {
+        memory->before_q24 = memory->last_q24;
+        memory->doubted_updates = 1U;
+    } else {
+        /* The first samples after power-on are often wrong. */
+    }
+}
+
 /* 1 for a value at once, 2 for one too far from the last one that has stayed, 0 while it has not. */
 /* SAG-CORE-003 */
 static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24)
 {
     const uint32_t largest = spec->largest_step_q8 * 65536U;
+    const uint32_t rejected = memory->steady_updates;
+    const uint32_t unread = (memory->held_updates > rejected) ? (memory->held_updates - rejected) : 0U;
+    const uint32_t moved = distance(t_q24, memory->last_q24);
     uint32_t accepted = 0U;
-    if ((largest == 0U) || (memory->has_last == 0U) || (distance(t_q24, memory->last_q24) <= largest)) {
+    if ((largest == 0U) || (memory->has_last == 0U) || ((uint64_t)moved <= reach(spec, unread))) {
+        if ((largest != 0U) && (memory->has_last != 0U) && (moved > largest) && (has_returned(spec, memory, t_q24) != 0U)) {
+            memory->doubted_updates = 0U;
+        }
         memory->steady_updates = 0U;
         accepted = 1U;
     } else {
@@ -189,17 +239,19 @@ static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory
         if (memory->steady_updates >= STEADY_UPDATES) {
             memory->steady_updates = 0U;
             accepted = 2U;
+            doubt_step(spec, memory, t_q24);
         }
     }
     return accepted;
 }
 
-/* The lag begins again with a step that has stayed, or after a hold of more than an eighth of tau: 1/(8 alpha) updates. */
+/* The lag begins again with a step that has stayed, of the input or of what it is derived from, or after a hold of more than an eighth of
+ * tau: 1/(8 alpha) updates. */
 /* SAG-CORE-004 */
-static void begin_anew(const sagnac_input *spec, sagnac_input_state *memory, uint32_t accepted, int32_t t_q24)
+static void begin_anew(const sagnac_input *spec, sagnac_input_state *memory, uint32_t stepped, int32_t t_q24)
 {
     if (spec->alpha_mantissa != 0U) {
-        uint32_t anew = (accepted == 2U) ? SAGNAC_YES : SAGNAC_NO;
+        uint32_t anew = stepped;
         if (memory->held_updates > 0U) {
             const int64_t longest = sagnac_power(spec->alpha_shift - HOLD_SHIFT) / (int64_t)spec->alpha_mantissa;
             if ((int64_t)memory->held_updates > longest) {
@@ -214,8 +266,9 @@ static void begin_anew(const sagnac_input *spec, sagnac_input_state *memory, uin
     }
 }
 
-/* One period of one input; 0 without a valid value at this update. */
-static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory, uint32_t present,
+/* One period of one input; 0 without a valid value at this update, 2 for a step of its own or, with `source_stepped`, of what it is derived
+ * from. */
+static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory, uint32_t present, uint32_t source_stepped,
                                  int64_t value, sagnac_scaled_input *out)
 {
     int32_t t_q24 = 0;
@@ -226,10 +279,13 @@ static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory,
     if (fresh != 0U) {
         fresh = accept_step(spec, memory, t_q24);
     }
+    if ((fresh != 0U) && (source_stepped != 0U)) {
+        fresh = 2U;
+    }
     if ((fresh != 0U) && (memory->has_last == 0U)) {
         memory->lag_q46 = (int64_t)t_q24 * (int64_t)4194304;
     } else if (fresh != 0U) {
-        begin_anew(spec, memory, fresh, t_q24);
+        begin_anew(spec, memory, (fresh == 2U) ? SAGNAC_YES : SAGNAC_NO, t_q24);
     } else {
         /* Missing. */
     }
@@ -241,6 +297,9 @@ static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory,
         memory->last_q24 = t_q24;
         memory->has_last = 1U;
         memory->settled_updates = one_more(memory->settled_updates);
+        if (memory->doubted_updates > 0U) {
+            memory->doubted_updates = one_more(memory->doubted_updates);
+        }
         step_lag(spec, memory, t_q24, &now);
         if (fresh != 0U) {
             scale_input(spec, t_q24, &now);
@@ -288,6 +347,37 @@ static uint32_t find_value(const sagnac_image *image, const sagnac_slow_update *
     return found;
 }
 
+/* The lag still remembers its start. */
+static uint32_t is_settling(const sagnac_input *spec, const sagnac_input_state *memory)
+{
+    return ((spec->settling_updates > 0U) && (memory->settled_updates <= spec->settling_updates)) ? SAGNAC_YES : SAGNAC_NO;
+}
+
+/* Nothing shows yet that the first value was right, or a step has left a doubt. */
+static uint32_t is_doubted(const sagnac_input *spec, const sagnac_input_state *memory)
+{
+    uint32_t doubted = 0U;
+    if (spec->step_growth > 0U) {
+        doubted = ((memory->settled_updates <= START_UPDATES) || (memory->doubted_updates > 0U)) ? SAGNAC_YES : SAGNAC_NO;
+    }
+    return doubted;
+}
+
+/* An input that input i is derived from took a step. */
+static uint32_t source_stepped(const sagnac_image *image, const sagnac_slow_update *update, uint32_t i)
+{
+    const sagnac_input *spec = &image->inputs[i];
+    uint32_t stepped = 0U;
+    if (spec->source == SAGNAC_DIFFERENCE) {
+        stepped = ((update->stepped >> spec->of) | (update->stepped >> spec->less)) & 1U;
+    } else if (spec->source == SAGNAC_REPEAT) {
+        stepped = (update->stepped >> spec->of) & 1U;
+    } else {
+        /* It has no source. */
+    }
+    return stepped;
+}
+
 /* The slice of an input: its value, lag, status and series. */
 /* SAG-CORE-010 */
 static void input_slice(const sagnac_image *image, sagnac_slow_update *update, uint32_t i)
@@ -296,12 +386,17 @@ static void input_slice(const sagnac_image *image, sagnac_slow_update *update, u
     sagnac_input_state *memory = &update->inputs[i];
     sagnac_scaled_input *scaled = &update->scaled[i];
     int64_t value;
+    uint32_t taken;
     const uint32_t has_sample = find_value(image, update, i, &value);
     if (update->warm == 0U) {
         begin_warm_up(spec, memory);
     }
-    if (read_input(spec, memory, has_sample, value, scaled) != 0U) {
+    taken = read_input(spec, memory, has_sample, source_stepped(image, update, i), value, scaled);
+    if (taken != 0U) {
         update->fresh |= 1U << i;
+        if (taken == 2U) {
+            update->stepped |= 1U << i;
+        }
     } else {
         update->held = 1U;
         update->status |= SAGNAC_HELD;
@@ -315,7 +410,7 @@ static void input_slice(const sagnac_image *image, sagnac_slow_update *update, u
     if (scaled->y_clamped != 0U) {
         update->status |= SAGNAC_RATE_OUT_OF_SPAN;
     }
-    if ((spec->settling_updates > 0U) && (memory->settled_updates <= spec->settling_updates)) {
+    if ((is_doubted(spec, memory) != 0U) || (is_settling(spec, memory) != 0U)) {
         update->status |= SAGNAC_SETTLING;
     }
     gyro_chebyshev(scaled->x_q47, update->basis[i]);
@@ -465,6 +560,8 @@ void sagnac_compensator_start(sagnac_compensator_state *state)
         state->inputs[i].steady_updates = 0U;
         state->inputs[i].held_updates = 0U;
         state->inputs[i].settled_updates = 0U;
+        state->inputs[i].before_q24 = 0;
+        state->inputs[i].doubted_updates = 0U;
     }
 }
 
@@ -472,6 +569,27 @@ void sagnac_compensator_start_warm(sagnac_compensator_state *state)
 {
     sagnac_compensator_start(state);
     state->warm = 1U;
+}
+
+void sagnac_compensator_start_after(const sagnac_image *image, sagnac_compensator_state *state, uint32_t updates)
+{
+    uint32_t most = updates;
+    uint32_t i;
+    if (most > MOST_UPDATES_MADE_UP) {
+        most = MOST_UPDATES_MADE_UP;
+    }
+    sagnac_compensator_start(state);
+    for (i = 0U; i < image->input_count; i++) {
+        if (image->inputs[i].source == SAGNAC_WARM_UP) {
+            sagnac_scaled_input unused = {0, 0, 0U, 0U};
+            uint32_t left = most;
+            begin_warm_up(&image->inputs[i], &state->inputs[i]);
+            while (left > 0U) {
+                (void)read_input(&image->inputs[i], &state->inputs[i], 1U, 0U, 0, &unused);
+                left--;
+            }
+        }
+    }
 }
 
 /* SAG-CORE-015 */
@@ -519,6 +637,7 @@ void sagnac_compensator_begin_update(const sagnac_image *image, const sagnac_com
     update->warm = state->warm;
     update->before = state->updates;
     update->fresh = 0U;
+    update->stepped = 0U;
     update->held = 0U;
     update->status = 0U;
     update->slices = 0U;
@@ -677,6 +796,9 @@ static uint32_t input_is_sound(const sagnac_input *t)
         sound = 0U;
     }
     if ((span <= 0) || ((span % 2) != 0) || (reaches_one(span / 2, t->x_mantissa, t->x_shift + 16U) == 0U)) {
+        sound = 0U;
+    }
+    if ((t->step_growth > MOST_STEP_GROWTH) || ((t->step_growth > 0U) && (t->largest_step_q8 == 0U))) {
         sound = 0U;
     }
     return sound;
@@ -937,6 +1059,9 @@ static uint32_t minor_of(const sagnac_input *t)
     if (t->largest_step_q8 != 0U) {
         minor = MINOR_OF_STEPS;
     }
+    if (t->step_growth != 0U) {
+        minor = MINOR_OF_GROWTH;
+    }
     return minor;
 }
 
@@ -975,6 +1100,7 @@ static uint32_t load_input(sagnac_input *t, sagnac_read_octet read, const void *
     t->stale_after_updates = sagnac_read_u32(read, context, at + 52U);
     t->settling_updates = sagnac_read_u32(read, context, at + 56U);
     t->largest_step_q8 = sagnac_read_u16(read, context, at + 61U);
+    t->step_growth = read(context, at + 63U) & 0xFFU;
     return (source <= 3U) ? SAGNAC_YES : SAGNAC_NO;
 }
 
@@ -1019,7 +1145,7 @@ static sagnac_image_error gyro_envelope(sagnac_read_octet read, const void *cont
         error = SAGNAC_IMAGE_LENGTH;
     } else if ((sagnac_read_u32(read, context, 0U) != magic[0]) || (sagnac_read_u32(read, context, 4U) != magic[1])) {
         error = SAGNAC_IMAGE_NOT_AN_IMAGE;
-    } else if ((sagnac_read_u16(read, context, 8U) != 1U) || (sagnac_read_u16(read, context, 10U) > MINOR_OF_STEPS)) {
+    } else if ((sagnac_read_u16(read, context, 8U) != 1U) || (sagnac_read_u16(read, context, 10U) > MINOR_OF_GROWTH)) {
         error = SAGNAC_IMAGE_VERSION;
     } else if (sagnac_read_u32(read, context, 12U) != length) {
         error = SAGNAC_IMAGE_LENGTH;
@@ -1053,7 +1179,6 @@ sagnac_image_error sagnac_image_load(sagnac_image *image, sagnac_read_octet read
         uint32_t i;
         for (i = 0U; i < image->input_count; i++) {
             zeros &= load_input(&image->inputs[i], read, context, at);
-            zeros &= sagnac_are_zero(read, context, at + 63U, 1U);
             if (minor_of(&image->inputs[i]) > minor) {
                 minor = minor_of(&image->inputs[i]);
             }

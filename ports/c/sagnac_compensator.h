@@ -132,6 +132,8 @@ typedef struct {
     uint32_t settling_updates;
     /* Largest step that is a value at once, 2^-8 degC; 0 for any. */
     uint32_t largest_step_q8;
+    /* Each update without a value adds largest_step_q8 * 2^step_growth to it, 2^-24 degC; 0: nothing, and a step leaves no doubt. */
+    uint32_t step_growth;
 } sagnac_input;
 
 typedef struct {
@@ -173,6 +175,8 @@ typedef struct {
     uint32_t steady_updates;
     uint32_t held_updates;
     uint32_t settled_updates;
+    int32_t before_q24;
+    uint32_t doubted_updates;
 } sagnac_input_state;
 
 /* Memory of one compensator. Read it freely; change it only through the functions. */
@@ -213,6 +217,7 @@ typedef struct {
     uint32_t warm;
     uint32_t before;
     uint32_t fresh;
+    uint32_t stepped;
     uint32_t held;
     uint32_t status;
     uint32_t slices;
@@ -248,6 +253,10 @@ void sagnac_compensator_start(sagnac_compensator_state *state);
 
 /* Memory after a reset that did not cut the power: as at power-on, but a warm-up is over. */
 void sagnac_compensator_start_warm(sagnac_compensator_state *state);
+
+/* Memory after a reset that did not cut the power, so many slow updates after power-on: as at power-on, but a warm-up goes on. It makes no more
+ * than 2^20 updates of each warm-up. */
+void sagnac_compensator_start_after(const sagnac_image *image, sagnac_compensator_state *state, uint32_t updates);
 
 /* Makes the memory fit for another image of the same gyro, between two ticks: the remainder of a count is kept, the active correction
  * stays until the next slow update, which is due at once, and the inputs start again. A warm-up is over. */

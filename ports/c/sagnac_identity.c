@@ -2,11 +2,11 @@
 #include "sagnac_identity.h"
 
 /* Instructions of a slow update: docs/explanation/on-target.md. */
-#define WORK_BASE 605U
-#define WORK_SERIES 10U
-#define WORK_INPUT 435U
-#define WORK_LAG 169U
-#define WORK_TERM 80U
+#define WORK_BASE 590U
+#define WORK_SERIES 23U
+#define WORK_INPUT 462U
+#define WORK_LAG 161U
+#define WORK_TERM 78U
 #define WORK_ZONE 8U
 #define WORK_HARMONIC 126U
 

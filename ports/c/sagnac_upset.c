@@ -48,6 +48,8 @@ uint32_t sagnac_state_sum(const sagnac_compensator_state *state)
         sum = add_word(sum, input->steady_updates);
         sum = add_word(sum, input->held_updates);
         sum = add_word(sum, input->settled_updates);
+        sum = add_word(sum, (uint32_t)input->before_q24);
+        sum = add_word(sum, input->doubted_updates);
     }
     return sum;
 }
@@ -77,7 +79,8 @@ static uint32_t add_input(uint32_t before, const sagnac_input *input)
     sum = add_word(sum, input->y_shift);
     sum = add_word(sum, input->stale_after_updates);
     sum = add_word(sum, input->settling_updates);
-    return add_word(sum, input->largest_step_q8);
+    sum = add_word(sum, input->largest_step_q8);
+    return add_word(sum, input->step_growth);
 }
 
 static uint32_t add_term(uint32_t before, const sagnac_term *term)

@@ -379,7 +379,7 @@ fn input(t: &InputSpec) -> String {
         ValueSource::Repeat { of } => ("REPEAT", of.into(), 0),
         ValueSource::WarmUp => ("WARM_UP", 0, 0),
     };
-    let fields: [(&str, i64); 22] = [
+    let fields: [(&str, i64); 23] = [
         ("of", of),
         ("less", less),
         ("unit_exponent", t.unit_exponent.into()),
@@ -402,6 +402,7 @@ fn input(t: &InputSpec) -> String {
         ("stale_after_updates", t.stale_after_updates.into()),
         ("settling_updates", t.settling_updates.into()),
         ("largest_step_q8", t.largest_step_q8.into()),
+        ("step_growth", t.step_growth.into()),
     ];
     let list: Vec<String> = fields.iter().map(|(name, value)| format!(".{name} = {}", constant(*value))).collect();
     format!("        {{.source = SAGNAC_{source}, {}}},\n", list.join(", "))

@@ -122,7 +122,7 @@ module sagnac_image #(
         case (at)
             8'd0: if (here != 32'h4e474153) sum_fault = NOT_AN_IMAGE;
             8'd1: if (here != 32'h4d494341) sum_fault = NOT_AN_IMAGE;
-            8'd2: if (here[15:0] != 16'd1 || here[31:16] > 16'd4) sum_fault = VERSION;
+            8'd2: if (here[15:0] != 16'd1 || here[31:16] > 16'd5) sum_fault = VERSION;
             8'd3: if (here > 32'd772 || here < 32'd132 || here[1:0] != 2'd0) sum_fault = LENGTH;
             default: if (at == last && here != ~crc) sum_fault = CRC;
         endcase
@@ -160,7 +160,7 @@ module sagnac_image #(
                 4'd3: if (byte_0 > 8'd31 || !source_is_legal) field_fault = FIELD;
                     else if (DERIVED == 0 && byte_1 != 8'd0) field_fault = HARDWARE;
                 4'd9: if (here > 32'h80000000 || (here != 32'd0) != nonzero) field_fault = FIELD;
-                4'd15: if (byte_3 != 8'd0) field_fault = FIELD;
+                4'd15: if (byte_3 > 8'd16 || (byte_3 != 8'd0 && {byte_1, byte_2} == 16'd0)) field_fault = FIELD;
                     else if (STEP_LIMITS == 0 && {byte_1, byte_2} != 16'd0) field_fault = HARDWARE;
                 default: field_fault = 3'd0;
             endcase

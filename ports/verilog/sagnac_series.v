@@ -11,8 +11,9 @@
 // rises at the end and stays high, with valid outputs, until `taken` (the `applied` of sagnac_fast). `target_now` is the increment that is active at the boundary: sagnac_fast's target. Start early enough:
 // docs/explanation/fpga.md has the number of clocks. `restart` resets the inputs, for a new image.
 //
-// A value farther than the largest step from the last one is held back until three of them in a row lie that near to each other. With
-// it, and after a hold of more than an eighth of tau, the lag begins again, and the input settles again.
+// A value beyond reach of the last one (the largest step, which grows while there is no value) is held back until three of them in a row
+// lie within the largest step of each other. With it, and after a hold of more than an eighth of tau, the lag begins again, as do those of
+// what is derived from the input, and the input settles again. After such a step it is in doubt until it steps back.
 //
 // Every product is below 2^89 in size, shifted right with one rounding, halves upward.
 // A `start` before `taken` is ignored.
@@ -54,7 +55,8 @@ module sagnac_series #(
         POSITION = 6'd14, SCALED = 6'd15, REPORT = 6'd16, BASIS = 6'd17, BASIS_STEP = 6'd18, BASIS_NEXT = 6'd19,
         BASIS_TURN = 6'd20, TERM_READ = 6'd21, TERM_SHAPE = 6'd22, TERM_ZONE = 6'd23, TURNS = 6'd24,
         TURNS_SQUARE = 6'd25, TURNS_SUM = 6'd26, TURNS_SINE = 6'd27, TERM = 6'd28, TERM_RATE = 6'd29, TERM_ADD = 6'd30,
-        SCALE = 6'd31, BIAS = 6'd32, DIVIDE = 6'd33, DIVIDED = 6'd34, FINISH = 6'd35, MULTIPLY = 6'd36, SHIFT = 6'd37;
+        SCALE = 6'd31, BIAS = 6'd32, DIVIDE = 6'd33, DIVIDED = 6'd34, FINISH = 6'd35, MULTIPLY = 6'd36, SHIFT = 6'd37,
+        REACH = 6'd38, TAKE = 6'd39, DOUBT = 6'd40;
 
     // What a stage reads of an input, and the last of a term: the words' places.
     localparam [2:0] OF_SOURCE = 3'd0, OF_CODE = 3'd1, OF_LAG = 3'd2, OF_POSITION = 3'd3, OF_REPORT = 3'd4, OF_TERM = 3'd5;
@@ -93,10 +95,17 @@ module sagnac_series #(
     // A value that is held back, and for how many updates it has stayed.
     reg signed [31:0] step_q24 [0:3];
     reg [1:0] steady [0:3];
+    // The value before a step that leaves a doubt, and for how many updates it has.
+    reg signed [31:0] before_q24 [0:3];
+    reg [31:0] doubted_updates [0:3];
+    // How far from the last value a value may lie.
+    reg [49:0] reach;
     // A restart: the warm-up is over.
     reg warm;
     // Inputs with a valid value in this update, for the differences of two and the repeats.
     reg [3:0] fresh_now;
+    // Those of them that took a step.
+    reg [3:0] stepped_now;
     reg [31:0] held_updates [0:3];
     reg [31:0] settled_updates [0:3];
     reg signed [48:0] x [0:3];
@@ -129,6 +138,7 @@ module sagnac_series #(
     wire signed [31:0] gain_mantissa = word_0;
     wire [31:0] alpha_of_source = word_3;
     wire [15:0] largest_step = word_0[23:8];
+    wire [4:0] step_growth = word_0[28:24];
     wire signed [31:0] offset = word_1;
     wire signed [31:0] valid_lo = word_2;
     wire signed [31:0] valid_hi = word_3;
@@ -141,6 +151,7 @@ module sagnac_series #(
     wire [31:0] x_mantissa = word_2;
     wire [31:0] stale_after_updates = word_0;
     wire [31:0] settling_updates = word_1;
+    wire reported_grows = STEP_LIMITS != 0 && word_2[28:24] != 5'd0;
     // Of an input, from its first fetch to its last stage.
     reg [6:0] gain_shift, x_shift, alpha_shift, rate_shift, y_shift;
     reg [1:0] source, minuend, subtrahend;
@@ -188,19 +199,30 @@ module sagnac_series #(
     wire signed [63:0] value = result + {{32{offset[31]}}, offset};
     wire signed [31:0] value_code = value[31:0];
     wire is_valid = value[63:31] == {33{value[31]}} && value_code >= valid_lo && value_code <= valid_hi;
-    // Distances of the value to the last one and to the one that is held back.
-    wire signed [32:0] from_last = {value_code[31], value_code} - {last_q24[at][31], last_q24[at]};
-    wire signed [32:0] from_step = {value_code[31], value_code} - {step_q24[at][31], step_q24[at]};
+    // Distances of the value to the last one, to the one that is held back, and to the one before a step.
+    wire signed [32:0] from_last = {value_now[31], value_now} - {last_q24[at][31], last_q24[at]};
+    wire signed [32:0] from_step = {value_now[31], value_now} - {step_q24[at][31], step_q24[at]};
+    wire signed [32:0] from_before = {value_now[31], value_now} - {before_q24[at][31], before_q24[at]};
     wire [32:0] largest = {1'b0, largest_step, 16'd0};
     wire [32:0] step_size = from_last[32] ? -from_last : from_last;
     wire [32:0] stay_size = from_step[32] ? -from_step : from_step;
+    wire [32:0] return_size = from_before[32] ? -from_before : from_before;
+    // A reach grows for 65,535 updates at most; the sum of the product of updates and step.
+    // Updates at which nothing was read: not those at which this value was held back.
+    wire [31:0] unread = held_updates[at] - {30'd0, steady[at]};
+    wire [15:0] growing_held = |unread[31:16] ? 16'hffff : unread[15:0];
+    wire [15:0] growing_doubted = |doubted_updates[at][31:16] ? 16'hffff : doubted_updates[at][15:0];
+    wire [49:0] grown = {17'd0, largest} + ({18'd0, result[31:0]} << step_growth);
+    wire grows = STEP_LIMITS != 0 && step_growth != 5'd0;
     // SAG-CORE-003
-    wire is_step = STEP_LIMITS != 0 && largest_step != 16'd0 && has_last[at] && step_size > largest;
+    wire is_step = STEP_LIMITS != 0 && largest_step != 16'd0 && has_last[at] && {17'd0, step_size} > reach;
     wire stays = steady[at] != 2'd0 && stay_size <= largest;
-    wire is_taken = is_valid && (!is_step || (stays && steady[at] == 2'd2));
+    wire is_taken = fresh && (!is_step || (stays && steady[at] == 2'd2));
+    wire source_stepped = DERIVED != 0 && ((source == 2'd2 && stepped_now[minuend])
+        || (source == 2'd1 && (stepped_now[minuend] || stepped_now[subtrahend])));
     // SAG-CORE-004
     wire anew = !has_last[at]
-        || (has_lag && (is_step || long_hold));
+        || (has_lag && (is_step || source_stepped || long_hold));
     wire signed [55:0] lag_wide = {lag_q46[at][54], lag_q46[at]};
     wire signed [32:0] both = {span_lo[31], span_lo} + {span_hi[31], span_hi};
     wire signed [32:0] middle = both >>> 1;
@@ -266,6 +288,7 @@ module sagnac_series #(
             {OF_POSITION, 2'd2}: of_input = 4'd8;
             {OF_REPORT, 2'd0}: of_input = 4'd13;
             {OF_REPORT, 2'd1}: of_input = 4'd14;
+            {OF_REPORT, 2'd2}: of_input = 4'd15;
             default: of_input = 4'd0;
         endcase
     end
@@ -304,6 +327,8 @@ module sagnac_series #(
                 settled_updates[i] <= 32'd0;
                 step_q24[i] <= 32'sd0;
                 steady[i] <= 2'd0;
+                before_q24[i] <= 32'sd0;
+                doubted_updates[i] <= 32'd0;
                 x[i] <= 49'sd0;
                 y[i] <= 35'sd0;
             end
@@ -315,6 +340,7 @@ module sagnac_series #(
                     index <= 3'd0;
                     held <= 1'b0;
                     fresh_now <= 4'd0;
+                    stepped_now <= 4'd0;
                     reported <= 6'd0;
                     state <= INPUT;
                 end
@@ -374,20 +400,47 @@ module sagnac_series #(
                 end
                 VALUE: fetch(OF_CODE, CODE);
                 CODE: begin
+                    fresh <= is_valid;
+                    value_now <= value_code;
+                    reach <= {17'd0, largest};
+                    if (is_valid && grows && held_updates[at] != 32'd0)
+                        multiply({48'd0, growing_held}, {19'd0, largest_step}, 7'd0, 1'b0, REACH);
+                    else
+                        state <= TAKE;
+                end
+                REACH: begin
+                    reach <= grown;
+                    state <= TAKE;
+                end
+                TAKE: begin
                     fresh <= is_taken;
-                    if (is_valid && STEP_LIMITS != 0) begin
-                        step_q24[at] <= value_code;
+                    state <= ACCEPT;
+                    if (fresh && STEP_LIMITS != 0) begin
+                        step_q24[at] <= value_now;
                         steady[at] <= !is_step || is_taken ? 2'd0 : (stays ? steady[at] + 2'd1 : 2'd1);
                     end
                     if (is_taken) begin
-                        last_q24[at] <= value_code;
+                        last_q24[at] <= value_now;
+                        stepped_now[at] <= is_step || source_stepped;
                         if (anew) begin
-                            lag_q46[at] <= {value_code[31], value_code, 22'd0};
+                            lag_q46[at] <= {value_now[31], value_now, 22'd0};
                             remainder[at] <= 39'd0;
                             settled_updates[at] <= 32'd0;
                         end
                         has_last[at] <= 1'b1;
+                        // SAG-CORE-028
+                        if (grows && step_size > largest && has_last[at] && doubted_updates[at] != 32'd0 && return_size < step_size)
+                            multiply({48'd0, growing_doubted}, {19'd0, largest_step}, 7'd0, 1'b0, DOUBT);
+                        else if (grows && is_step && doubted_updates[at] == 32'd0 && settled_updates[at] >= 32'd6) begin
+                            before_q24[at] <= last_q24[at];
+                            doubted_updates[at] <= 32'd1;
+                        end
                     end
+                end
+                // Back within reach of the value before.
+                DOUBT: begin
+                    if ({17'd0, return_size} <= grown)
+                        doubted_updates[at] <= 32'd0;
                     state <= ACCEPT;
                 end
                 ACCEPT: begin
@@ -397,6 +450,8 @@ module sagnac_series #(
                         : (&held_updates[at] ? held_updates[at] : held_updates[at] + 32'd1);
                     if (has_last[at] && !(&settled_updates[at]))
                         settled_updates[at] <= settled_updates[at] + 32'd1;
+                    if (has_last[at] && doubted_updates[at] != 32'd0 && !(&doubted_updates[at]))
+                        doubted_updates[at] <= doubted_updates[at] + 32'd1;
                     y[at] <= 35'sd0;
                     if (!has_last[at])
                         fetch(OF_REPORT, REPORT);
@@ -437,7 +492,8 @@ module sagnac_series #(
                     held <= held || !fresh;
                     fresh_now[at] <= fresh;
                     reported <= reported
-                        | {1'b0, settling_updates != 32'd0 && settled_updates[at] <= settling_updates,
+                        | {1'b0, (settling_updates != 32'd0 && settled_updates[at] <= settling_updates)
+               || (reported_grows && (settled_updates[at] <= 32'd6 || doubted_updates[at] != 32'd0)),
                            !fresh && held_updates[at] > stale_after_updates, !fresh, y_clamped, x_clamped || y_clamped};
                     index <= index + 3'd1;
                     state <= INPUT;

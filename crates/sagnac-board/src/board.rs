@@ -25,6 +25,19 @@ pub const FRAME_TICKS: u16 = 100;
 /// Longest pause that [`Board::make_up`] makes up, ticks: 105 s at 100 µs.
 pub const LONGEST_PAUSE_TICKS: u32 = 1 << 20;
 
+/// How the processor came to begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Start {
+    /// The power was off: a warm-up begins.
+    PowerOn,
+    /// A watchdog, a command or a dip of the supply: the gyro stayed warm.
+    Reset {
+        /// Seconds since power-on, from a clock that the reset left running; a warm-up goes on there. `None`: it is over, and the status is
+        /// SETTLING for three of its time constants.
+        since_power_on_s: Option<u32>,
+    },
+}
+
 /// Inputs of a tick besides the levels.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sample {
@@ -71,10 +84,18 @@ pub struct Board {
     frame_ticks: u16,
 }
 
+/// Slow updates in so many seconds.
+fn updates_in(image: &Image, seconds: u32) -> u64 {
+    let d = image.description();
+    let period_ns = u64::from(d.tick_ns) * u64::from(d.period_ticks);
+    (u64::from(seconds) * 1_000_000_000).checked_div(period_ns).unwrap_or(0)
+}
+
 impl Board {
-    /// A board at power-on. `levels` are the A/B levels at this moment; the first step counts from them.
+    /// A board that begins. `levels` are the A/B levels at this moment; the first step counts from them.
     /// A dithered gyro has a stripper.
     pub fn new(
+        start: Start,
         image: Image,
         origin: Origin,
         loops: &LoopTable,
@@ -84,9 +105,14 @@ impl Board {
         let counter = Quadrature { counting: Counting::X4 };
         let mut count_state = QuadratureState::new();
         counter.update(&mut count_state, levels.0, levels.1);
-        let state = State::new();
+        let gyro = Compensator::new(image);
+        let state = match start {
+            Start::PowerOn => State::new(),
+            Start::Reset { since_power_on_s: None } => State::warm(),
+            Start::Reset { since_power_on_s: Some(seconds) } => gyro.state_after(updates_in(&image, seconds)),
+        };
         Self {
-            gyro: Compensator::new(image),
+            gyro,
             seal: Seal::of(&state, 0),
             image_checksum: image.checksum(),
             state,
@@ -382,12 +408,14 @@ mod tests {
         let head = words.head().unwrap();
         let loops = LoopTable::decode(words.table(&head, &mut room).unwrap()).unwrap();
         let image = Image::decode(include_bytes!("../../../testdata/image/paper.img")).unwrap();
-        Board::new(image, Origin::Newest, &loops, (false, false), None)
+        Board::new(Start::PowerOn, image, Origin::Newest, &loops, (false, false), None)
     }
 
-    fn frame(board: &mut Board) -> OutputFrame {
+    /// Of the next frame, but for SETTLING: the first values after each start show nothing yet.
+    fn status(board: &mut Board) -> Status {
         let sample = Sample { codes: [Some(20 << 24), None, None, None], ..Sample::default() };
-        core::iter::repeat_with(|| board.tick_counts(3, 0, &sample).1).find_map(|frame| frame).unwrap()
+        let frame = core::iter::repeat_with(|| board.tick_counts(3, 0, &sample).1).find_map(|frame| frame).unwrap();
+        Status::from_bits(frame.status.bits() & !Status::SETTLING.bits())
     }
 
     /// An image or a checksum that turned over, or other loops, is found by the comparison alone, and mended from what flash holds.
@@ -403,11 +431,11 @@ mod tests {
         for upset in [Compensator::new(Image::new(description).unwrap()), board.gyro] {
             board.gyro = upset;
             board.image_checksum ^= u32::from(upset.image() == &image);
-            assert!(!board.is_intact(&loops) && frame(&mut board).status == Status::OK);
+            assert!(!board.is_intact(&loops) && status(&mut board) == Status::OK);
             board.mend(&held, &loops);
             assert!(board.is_intact(&loops) && *board.image() == image);
-            assert_eq!(frame(&mut board).status, Status::UPSET);
-            assert_eq!(frame(&mut board).status, Status::OK);
+            assert_eq!(status(&mut board), Status::UPSET);
+            assert_eq!(status(&mut board), Status::OK);
         }
     }
 
@@ -419,18 +447,17 @@ mod tests {
             let mut board = board();
             let period_frames = board.image().description().period_ticks / u32::from(FRAME_TICKS);
             for _ in 0..period_frames {
-                assert_eq!(frame(&mut board).status, Status::OK);
+                assert_eq!(status(&mut board), Status::OK);
             }
-            frame(&mut board);
+            status(&mut board);
             board.seal.checksum ^= 1 << bit;
             for _ in 1..period_frames {
-                assert_eq!(frame(&mut board).status, Status::OK);
+                assert_eq!(status(&mut board), Status::OK);
             }
-            assert_eq!(frame(&mut board).status, Status::UPSET, "bit {bit}");
-            assert_eq!(frame(&mut board).status, Status::OK);
+            assert_eq!(status(&mut board), Status::UPSET, "bit {bit}");
+            assert_eq!(status(&mut board), Status::OK);
             board.seal.update_at ^= 1 << bit;
-            let found =
-                (0..2 * period_frames).map(|_| frame(&mut board).status).filter(|status| *status == Status::UPSET);
+            let found = (0..2 * period_frames).map(|_| status(&mut board)).filter(|found| *found == Status::UPSET);
             assert_eq!(found.count(), 1, "bit {bit} of the time");
         }
     }

@@ -23,7 +23,7 @@ pub const MAGIC: [u8; 8] = *b"SAGNACIM";
 pub const FORMAT_VERSION: u16 = 1;
 /// Newest minor version that this code reads. A new shape or source raises it; an image carries the lowest minor version that has
 /// all its shapes and sources.
-pub const FORMAT_MINOR: u16 = 4;
+pub const FORMAT_MINOR: u16 = 5;
 /// The minor version that added harmonics.
 const MINOR_OF_HARMONICS: u16 = 1;
 /// The minor version that added inputs that repeat another one.
@@ -32,6 +32,8 @@ const MINOR_OF_REPEATS: u16 = 2;
 const MINOR_OF_WARM_UPS: u16 = 3;
 /// The minor version that added largest steps.
 const MINOR_OF_STEPS: u16 = 4;
+/// The minor version that added largest steps that grow.
+const MINOR_OF_GROWTH: u16 = 5;
 const HEAD_LEN: usize = 128;
 const INPUT_LEN: usize = 64;
 const TERM_LEN: usize = 12;
@@ -202,7 +204,9 @@ impl Image {
 
 /// The lowest minor version that has the sources of all these inputs and the shapes of all these terms.
 fn minor_of(inputs: &[InputSpec], terms: &[Term]) -> u16 {
-    if inputs.iter().any(|input| input.largest_step_q8 != 0) {
+    if inputs.iter().any(|input| input.step_growth != 0) {
+        MINOR_OF_GROWTH
+    } else if inputs.iter().any(|input| input.largest_step_q8 != 0) {
         MINOR_OF_STEPS
     } else if inputs.iter().any(|input| input.source == ValueSource::WarmUp) {
         MINOR_OF_WARM_UPS
@@ -311,7 +315,7 @@ fn write_input(w: &mut Writer<'_>, t: &InputSpec) -> Option<()> {
     w.put(t.settling_updates.to_le_bytes())?;
     w.put([t.unit_exponent.cast_unsigned()])?;
     w.put(t.largest_step_q8.to_le_bytes())?;
-    w.put([0])
+    w.put([t.step_growth])
 }
 
 fn read_input(r: &mut Reader<'_>) -> Parsed<InputSpec> {
@@ -323,7 +327,7 @@ fn read_input(r: &mut Reader<'_>) -> Parsed<InputSpec> {
     let (x_mantissa, alpha_mantissa) = (r.u32()?, r.u32()?);
     let (rate_lo, rate_hi, y_mantissa) = (r.i32()?, r.i32()?, r.u32()?);
     let (stale_after_updates, settling_updates) = (r.u32()?, r.u32()?);
-    let [unit_exponent, step_low, step_high, zero] = r.take::<4>()?;
+    let [unit_exponent, step_low, step_high, step_growth] = r.take::<4>()?;
     let source = match source {
         [0, 0, 0] => ValueSource::Code,
         [1, of, less] => ValueSource::Difference { of, less },
@@ -331,9 +335,6 @@ fn read_input(r: &mut Reader<'_>) -> Parsed<InputSpec> {
         [3, 0, 0] => ValueSource::WarmUp,
         _ => return Some(Err(DecodeError::Reserved("an input"))),
     };
-    if zero != 0 {
-        return Some(Err(DecodeError::Reserved("an input")));
-    }
     let lag = LagSpec { alpha_mantissa, alpha_shift, rate_shift, rate_lo, rate_hi, y_mantissa, y_shift };
     Some(Ok(InputSpec {
         source,
@@ -350,6 +351,7 @@ fn read_input(r: &mut Reader<'_>) -> Parsed<InputSpec> {
         stale_after_updates,
         settling_updates,
         largest_step_q8: u16::from_le_bytes([step_low, step_high]),
+        step_growth,
     }))
 }
 

@@ -21,7 +21,7 @@ mod upset;
 use core::fmt;
 
 use crate::image::{GUARD_BITS, Image, MAX_INPUTS};
-use crate::input::InputState;
+use crate::input::{InputState, ValueSource};
 use crate::rounding::round_shift;
 use crate::slow_update::{Reading, SlowUpdate, Sums, evaluate, read};
 use crate::status::Status;
@@ -30,6 +30,8 @@ use crate::status::Status;
 pub const MAX_RAW: i32 = 1 << 29;
 /// An accumulator beyond this after a call has lost its meaning: 2⁶¹ (2²⁹ counts that have not been output).
 const ACCUMULATOR_BOUND: i64 = 1 << 61;
+/// Slow updates that a start after a reset makes of a warm-up at most.
+const MOST_UPDATES_MADE_UP: u64 = 1 << 20;
 const ONE_Q32: i64 = 1 << 32;
 
 /// The correction of one gyro axis. Immutable; its memory is a [`State`].
@@ -135,7 +137,7 @@ impl State {
 
     /// Memory after a reset that did not cut the power: as at power-on, but a warm-up is over.
     ///
-    /// A term over [`ValueSource::WarmUp`](crate::input::ValueSource::WarmUp) then corrects nothing, and the status is SETTLING for as long as its input says.
+    /// A term over [`ValueSource::WarmUp`] then corrects nothing, and the status is SETTLING for as long as its input says.
     pub const fn warm() -> Self {
         let mut state = Self::new();
         state.warm = true;
@@ -264,6 +266,23 @@ impl Compensator {
     /// The image it runs.
     pub const fn image(&self) -> &Image {
         &self.image
+    }
+
+    /// Memory after a reset that did not cut the power, `updates` slow updates after power-on: as at power-on, but a warm-up goes on.
+    ///
+    /// A lag has settled to the bit after about 36 τ; a call makes no more than 2²⁰ updates of each warm-up.
+    pub fn state_after(&self, updates: u64) -> State {
+        let mut state = State::new();
+        let updates = updates.min(MOST_UPDATES_MADE_UP);
+        for (memory, spec) in state.inputs.iter_mut().zip(self.image.inputs()) {
+            if spec.source == ValueSource::WarmUp {
+                memory.begin_warm_up();
+                for _ in 0..updates {
+                    let _ = memory.update(spec, Some(0), false);
+                }
+            }
+        }
+        state
     }
 
     /// The memory for this compensator, made from that of another one for the same gyro: changes the image between two ticks.

@@ -308,7 +308,11 @@ impl Image {
         let before = |i: u8| self.inputs().get(usize::from(i)).filter(|_| i < index);
         let no_conversion = t.offset_q24 == 0 && t.gain == Gain::ONE;
         let steps_of_source = t.source == ValueSource::Code || t.largest_step_q8 == 0;
-        first_broken(&[(steps_of_source, "largest step (an input without a code has those of its source)")])?;
+        let grows_by_steps = t.step_growth <= 16 && (t.step_growth == 0 || t.largest_step_q8 > 0);
+        first_broken(&[
+            (steps_of_source, "largest step (an input without a code has those of its source)"),
+            (grows_by_steps, "growth of the largest step (at most 16, and 0 without one)"),
+        ])?;
         match t.source {
             ValueSource::Code => Ok(()),
             ValueSource::Difference { of, less } => {

@@ -20,11 +20,23 @@
 //! and the status is SETTLING for as long as the image says.
 //!
 //! A sensor that fails can send any code. The valid range (`valid_lo_q24` to `valid_hi_q24`) rejects what cannot be a value. A value
-//! farther than `largest_step_q8` from the last one is held back until [`STEADY_UPDATES`] of them in a row lie that near to each other.
+//! farther than its reach from the last one is held back until [`STEADY_UPDATES`] of them in a row lie within the largest step of each
+//! other. The reach is the largest step, and the growth of the step for each update without a value:
+//!
+//! ```text
+//! reach = largest_step_q8·2¹⁶ + min(updates, 2¹⁶ − 1)·largest_step_q8·2^growth      2⁻²⁴ °C; without growth the first part alone
+//! ```
+//!
+//! Updates count in which nothing was read, not those at which this value was already held back.
 //!
 //! While a value is missing the filter runs on the last one. When it returns after a hold of more than an eighth of τ, or with a step
-//! that was held back, the filter begins again at it: the change meanwhile is no rate. The status is SETTLING again until the settling
-//! time has passed. After a shorter hold the rate is wrong by less than 1 % of itself (½(hold/τ)²).
+//! that was held back, the filter begins again at it, and so do those of the differences and repeats that read it: the change meanwhile
+//! is no rate. The status is SETTLING again until the settling time has passed. After a shorter hold the rate is wrong by less than 1 % of
+//! itself (½(hold/τ)²).
+//!
+//! After a step that no temperature makes, one of both readings is wrong, and nothing shows which. An input with growth is in doubt from
+//! then on, and the status SETTLING, until it jumps back, nearer to its value before and within reach of it. The first samples after power-on are often
+//! wrong: the status is SETTLING for [`START_UPDATES`] from the first value on, and a step within them leaves no doubt.
 
 use crate::checksum::Checksum;
 use crate::rounding::round_shift;
@@ -32,6 +44,10 @@ use crate::series::{ONE_Q31, ONE_Q47};
 
 /// Updates for which a step must stay before it is a value.
 pub const STEADY_UPDATES: u8 = 3;
+/// Updates from the first value on in which a step leaves no doubt.
+const START_UPDATES: u32 = 6;
+/// Updates for which a reach grows.
+const MOST_GROWTH: u32 = 0xffff;
 /// A filter begins again after a hold of more than τ by two to this power.
 const HOLD_SHIFT: u32 = 3;
 
@@ -128,6 +144,9 @@ pub struct InputSpec {
     pub settling_updates: u32,
     /// Largest step between two updates that is a value at once, 2⁻⁸ °C; 0 for any step.
     pub largest_step_q8: u16,
+    /// Each update without a value adds `largest_step_q8 · 2^step_growth` to it, 2⁻²⁴ °C; at most 16. 0: nothing is added, and a step leaves
+    /// no doubt.
+    pub step_growth: u8,
 }
 
 impl InputSpec {
@@ -155,7 +174,16 @@ impl InputSpec {
         stale_after_updates: 0,
         settling_updates: 0,
         largest_step_q8: 0,
+        step_growth: 0,
     };
+
+    /// How far from an older value a value may lie after some updates without one, 2⁻²⁴ °C.
+    fn reach_q24(&self, updates: u32) -> u32 {
+        let step = u64::from(self.largest_step_q8);
+        let grown = if self.step_growth > 0 { u64::from(updates.min(MOST_GROWTH)) * step } else { 0 };
+        let reach = (step << 16) + (grown << u32::from(self.step_growth & 31));
+        u32::try_from(reach).unwrap_or(u32::MAX)
+    }
 
     /// The value of a code in 2⁻²⁴ °C, or `None` outside the valid range.
     ///
@@ -188,8 +216,8 @@ impl InputSpec {
 impl LagSpec {
     /// Longest hold after which the filter goes on, slow updates: an eighth of τ, 1/(8α).
     ///
-    /// **SAG-CORE-004** After a hold of more than an eighth of τ, and after a step, the lag restarts at the value, and
-    /// SETTLING stands until it has settled.
+    /// **SAG-CORE-004** After a hold of more than an eighth of τ, and after a step of its own or of what it is derived from, the lag
+    /// restarts at the value, and SETTLING stands until it has settled.
     pub fn longest_hold_updates(&self) -> u32 {
         let eighth = 1_u64.checked_shl(u32::from(self.alpha_shift).saturating_sub(HOLD_SHIFT)).unwrap_or(0);
         let updates = eighth.checked_div(u64::from(self.alpha_mantissa)).unwrap_or(u64::MAX);
@@ -213,6 +241,9 @@ pub(crate) struct InputState {
     steady_updates: u8,
     pub(crate) held_updates: u32,
     pub(crate) settled_updates: u32,
+    /// The value before a step that leaves a doubt, and for how many updates it has; 0 without.
+    before_q24: i32,
+    pub(crate) doubted_updates: u32,
 }
 
 /// One input at one slow update, scaled for the terms.
@@ -234,6 +265,8 @@ impl InputState {
             steady_updates: 0,
             held_updates: 0,
             settled_updates: 0,
+            before_q24: 0,
+            doubted_updates: 0,
         }
     }
 
@@ -250,6 +283,8 @@ impl InputState {
             .word(self.step_q24.cast_unsigned())
             .word(self.held_updates)
             .word(self.settled_updates)
+            .word(self.before_q24.cast_unsigned())
+            .word(self.doubted_updates)
     }
 
     /// This input with each one of its bits turned over.
@@ -263,6 +298,8 @@ impl InputState {
                 Self { step_q24: self.step_q24 ^ 1 << bit, ..*self },
                 Self { held_updates: self.held_updates ^ 1 << bit, ..*self },
                 Self { settled_updates: self.settled_updates ^ 1 << bit, ..*self },
+                Self { before_q24: self.before_q24 ^ 1 << bit, ..*self },
+                Self { doubted_updates: self.doubted_updates ^ 1 << bit, ..*self },
                 Self { last_q24: Some(self.last_q24.unwrap_or(0) ^ 1 << bit), ..*self },
             ]
         });
@@ -279,9 +316,15 @@ impl InputState {
     }
 
     /// One temperature period. `None` without a valid value at this update; the filter then runs on the last one, as it does
-    /// between samples.
-    pub(crate) fn update(&mut self, spec: &InputSpec, fresh: Option<i32>) -> Option<ScaledInput> {
-        let (fresh, stepped) = self.held_back(spec, fresh);
+    /// between samples. `source_stepped`: what this input is derived from took a step. Also whether it is one itself.
+    pub(crate) fn update(
+        &mut self,
+        spec: &InputSpec,
+        fresh: Option<i32>,
+        source_stepped: bool,
+    ) -> Option<(ScaledInput, bool)> {
+        let (fresh, own_step) = self.held_back(spec, fresh);
+        let stepped = own_step || source_stepped;
         let t = match (fresh, self.last_q24) {
             (Some(t), None) => {
                 self.lag_q46 = i64::from(t) << 22;
@@ -302,6 +345,7 @@ impl InputState {
         };
         self.last_q24 = Some(t);
         self.settled_updates = self.settled_updates.saturating_add(1);
+        self.doubted_updates = self.doubted_updates.saturating_add(u32::from(self.doubted_updates > 0));
         let (y_q31, y_clamped) = self.step(&spec.lag, t);
         if fresh.is_none() {
             self.held_updates = self.held_updates.saturating_add(1);
@@ -309,17 +353,21 @@ impl InputState {
         }
         self.held_updates = 0;
         let (x_q47, x_clamped) = spec.scaled(t);
-        Some(ScaledInput { x_q47, y_q31, x_clamped, y_clamped })
+        Some((ScaledInput { x_q47, y_q31, x_clamped, y_clamped }, stepped))
     }
 
     /// A value that is too far from the last one counts as missing until it has stayed. Also whether this one has.
     ///
-    /// **SAG-CORE-003** A value farther than the largest step from the last one is used only when three in a row lie that near
-    /// to each other.
+    /// **SAG-CORE-003** A value beyond reach of the last one is used only when three in a row lie within the largest step of each other.
     fn held_back(&mut self, spec: &InputSpec, fresh: Option<i32>) -> (Option<i32>, bool) {
         let (Some(t), Some(last)) = (fresh, self.last_q24) else { return (fresh, false) };
         let largest = u32::from(spec.largest_step_q8) << 16;
-        if largest == 0 || t.abs_diff(last) <= largest {
+        let unread = self.held_updates.saturating_sub(self.steady_updates.into());
+        let moved = t.abs_diff(last);
+        if largest == 0 || moved <= spec.reach_q24(unread) {
+            if moved > largest && self.has_returned(spec, t, last) {
+                self.doubted_updates = 0;
+            }
             self.steady_updates = 0;
             return (fresh, false);
         }
@@ -330,7 +378,32 @@ impl InputState {
             return (None, false);
         }
         self.steady_updates = 0;
+        if spec.step_growth > 0 {
+            self.doubt(spec, t, last);
+        }
         (fresh, true)
+    }
+
+    /// A value that jumped from the last one is nearer to the one before the doubt, and within reach of it.
+    fn has_returned(&self, spec: &InputSpec, t: i32, last: i32) -> bool {
+        let from_before = t.abs_diff(self.before_q24);
+        self.doubted_updates > 0
+            && from_before < t.abs_diff(last)
+            && from_before <= spec.reach_q24(self.doubted_updates)
+    }
+
+    /// Nothing shows yet that the first value was right, or a step has left a doubt.
+    pub(crate) const fn is_doubted(&self, spec: &InputSpec) -> bool {
+        spec.step_growth > 0 && (self.settled_updates <= START_UPDATES || self.doubted_updates > 0)
+    }
+
+    /// **SAG-CORE-028** After a step SETTLING stands until the input steps back to within reach of its value before.
+    fn doubt(&mut self, spec: &InputSpec, t: i32, last: i32) {
+        if self.has_returned(spec, t, last) {
+            self.doubted_updates = 0;
+        } else if self.doubted_updates == 0 && self.settled_updates >= START_UPDATES {
+            (self.before_q24, self.doubted_updates) = (last, 1);
+        }
     }
 
     /// Advances the lag by one Δt; returns the scaled, clamped rate and whether it was clamped.

@@ -96,6 +96,8 @@ pub(crate) struct Reading {
     pub(crate) inputs: [ScaledInput; MAX_INPUTS],
     /// Values of this update, for the differences and repeats that come later in the table.
     fresh_q24: [Option<i64>; MAX_INPUTS],
+    /// Which of them took a step.
+    stepped: [bool; MAX_INPUTS],
     pub(crate) status: Status,
     /// A value is missing: the last correction stays.
     pub(crate) held: bool,
@@ -104,7 +106,13 @@ pub(crate) struct Reading {
 impl Reading {
     pub(crate) const fn new() -> Self {
         let nothing = ScaledInput { x_q47: 0, y_q31: 0, x_clamped: false, y_clamped: false };
-        Self { inputs: [nothing; MAX_INPUTS], fresh_q24: [None; MAX_INPUTS], status: Status::OK, held: false }
+        Self {
+            inputs: [nothing; MAX_INPUTS],
+            fresh_q24: [None; MAX_INPUTS],
+            stepped: [false; MAX_INPUTS],
+            status: Status::OK,
+            held: false,
+        }
     }
 
     /// Runs one input.
@@ -114,8 +122,8 @@ impl Reading {
         if spec.source == ValueSource::WarmUp && !warm {
             memory.begin_warm_up();
         }
-        match memory.update(spec, fresh) {
-            Some(scaled) => {
+        match memory.update(spec, fresh, self.source_stepped(spec)) {
+            Some((scaled, stepped)) => {
                 if scaled.x_clamped || scaled.y_clamped {
                     self.status |= Status::OUT_OF_SPAN;
                 }
@@ -126,6 +134,9 @@ impl Reading {
                     *slot = scaled;
                     *place = fresh.map(i64::from);
                 }
+                if let Some(place) = self.stepped.get_mut(at) {
+                    *place = stepped;
+                }
             }
             None => {
                 self.held = true;
@@ -135,8 +146,19 @@ impl Reading {
                 }
             }
         }
-        if spec.settling_updates > 0 && memory.settled_updates <= spec.settling_updates {
+        let settles = spec.settling_updates > 0 && memory.settled_updates <= spec.settling_updates;
+        if settles || memory.is_doubted(spec) {
             self.status |= Status::SETTLING;
+        }
+    }
+
+    /// An input that this one is derived from took a step.
+    fn source_stepped(&self, spec: &InputSpec) -> bool {
+        let stepped = |i: u8| self.stepped.get(usize::from(i)).copied().unwrap_or(false);
+        match spec.source {
+            ValueSource::Difference { of, less } => stepped(of) || stepped(less),
+            ValueSource::Repeat { of } => stepped(of),
+            ValueSource::Code | ValueSource::WarmUp => false,
         }
     }
 

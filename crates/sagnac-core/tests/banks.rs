@@ -202,7 +202,7 @@ fn an_image_for_another_gyro_is_refused_by_store_and_load() {
             ImageMismatch::ScaleTooLarge,
         ),
         (
-            // 605 + 10 + 32·(80 + 126).
+            // 590 + 23 + 32·(78 + 126).
             with(|d| {
                 let sine = Term { shape: Shape::Sine { turns_q18: 1 }, mantissa: 1, shift: 40, ..Term::ZERO };
                 (d.terms, d.term_count) = ([sine; MAX_TERMS], MAX_TERMS as u8);

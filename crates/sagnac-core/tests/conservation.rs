@@ -1,10 +1,11 @@
 //! Nothing is lost, nothing steps: the fast path against a big-integer model.
 
-use crate::support::{any_image, image, repeat, term, thermometer, warm_up};
+use crate::support::{any_image, difference, image, repeat, term, thermometer, warm_up};
 use num_bigint::BigInt;
 use proptest::prelude::*;
 use sagnac_core::{
-    Compensator, Image, InputSpec, Kind, MAX_INCREMENT, MAX_RAW, Misuse, Multiplier, State, Status, Term, ValueSource,
+    Compensator, Image, InputSpec, Kind, LagSpec, MAX_INCREMENT, MAX_RAW, Misuse, Multiplier, State, Status, Term,
+    ValueSource,
 };
 
 /// One call to a compensator.
@@ -400,6 +401,30 @@ fn a_warm_up_is_not_begun_twice() {
     }
 }
 
+/// A reset whose time since power-on is known: the warm-up goes on to the bit; after ten time constants, and after as many as there are,
+/// nothing is left of it.
+#[test]
+fn a_warm_up_goes_on_after_a_reset() {
+    let (gyro, mut ran) = (warming(), State::new());
+    for n in 0..3000 {
+        if [1, 2, 700, 899].contains(&n) {
+            let (mut whole, mut begun) = (ran, gyro.state_after(n));
+            for state in [&mut whole, &mut begun] {
+                let status = gyro.update(state, &[Some(20 << 24), None]).unwrap();
+                assert_eq!(status, Status::SETTLING);
+            }
+            assert_eq!(whole.target_increment(), begun.target_increment(), "{n}");
+        }
+        gyro.update(&mut ran, &[Some(20 << 24), None]).unwrap();
+        gyro.tick(&mut ran, 0).unwrap();
+    }
+    for updates in [60_000, u64::MAX] {
+        let mut late = gyro.state_after(updates);
+        gyro.update(&mut late, &[Some(20 << 24), None]).unwrap();
+        assert_eq!(late.target_increment(), 0, "{updates}");
+    }
+}
+
 /// A rate term of one count per tick at the far border of the rate span, over the thermometer alone.
 fn rated(change: impl Fn(&mut InputSpec)) -> Compensator {
     let mut d = *image(&[term(Kind::Bias, 0, Multiplier::Rate, 1 << 30, 21)], 1, 0).description();
@@ -485,6 +510,81 @@ fn a_spike_is_held_back_and_a_step_that_stays_is_not() {
         })
         .collect();
     assert!(all[5000..].iter().any(|increment| *increment != 0));
+}
+
+/// A thermometer that is 25 °C off for ten minutes and right again: the lags of its repeat and of a difference begin again with it, both times.
+/// Before, the rate effect was wrong for 2,195 s with status 0.
+/// SAG-CORE-004
+#[test]
+fn a_step_restarts_what_is_derived_from_it() {
+    let limited = InputSpec { largest_step_q8: 256, ..thermometer() };
+    let lagging = repeat(0, thermometer()).lag;
+    let less = InputSpec { lag: lagging, settling_updates: 3600, ..difference() };
+    for derived in [repeat(0, thermometer()), less] {
+        let mut d = *image(&[term(Kind::Bias, 0, Multiplier::Rate, 1 << 30, 21)], 1, 0).description();
+        let of_two = matches!(derived.source, ValueSource::Difference { .. });
+        d.inputs[..3].copy_from_slice(&[limited, if of_two { thermometer() } else { derived }, difference()]);
+        d.inputs[2] = if of_two { derived } else { InputSpec::UNUSED };
+        d.input_count = 2 + u8::from(of_two);
+        d.terms[0].input = d.input_count - 1;
+        let gyro = Compensator::new(Image::new(d).unwrap());
+        let mut state = State::new();
+        for n in 0..12_000 {
+            let off = if (6000..6600).contains(&n) { 25 << 24 } else { 0 };
+            let codes = [Some((20 << 24) + off), Some(22 << 24), None];
+            let status = gyro.update(&mut state, &codes[..usize::from(d.input_count)]).unwrap();
+            gyro.tick(&mut state, 0).unwrap();
+            assert_eq!(state.target_increment(), 0, "{n} {status:?}");
+            assert_eq!(status.contains(Status::SETTLING), n < 3600 || (6002..10_202).contains(&n), "{n} {status:?}");
+        }
+    }
+}
+
+/// After a step that no temperature makes, one of two readings is wrong: SETTLING until the input steps back, however long that is.
+/// SAG-CORE-028
+#[test]
+fn a_step_leaves_a_doubt_until_it_steps_back() {
+    let mut d = *image(&[term(Kind::Bias, 1, Multiplier::One, 1 << 30, 30)], 1, 0).description();
+    // 1 °C, and 1/256 °C for each update without a value; no lag, so nothing settles.
+    d.inputs[0] = InputSpec {
+        lag: LagSpec::default(),
+        settling_updates: 0,
+        largest_step_q8: 256,
+        step_growth: 8,
+        ..thermometer()
+    };
+    let gyro = Compensator::new(Image::new(d).unwrap());
+    let run = |celsius: &dyn Fn(i32) -> Option<f64>| -> Vec<Status> {
+        let mut state = State::new();
+        (0..20_000)
+            .map(|n| {
+                let code = celsius(n).map(|celsius| (celsius * f64::from(1 << 24)) as i32);
+                let status = gyro.update(&mut state, &[code]).unwrap();
+                gyro.tick(&mut state, 0).unwrap();
+                status
+            })
+            .collect()
+    };
+    let all = |statuses: &[Status], wanted: Status| statuses.iter().all(|status| *status == wanted);
+    // A step of 20 °C that stays; one of ten minutes, meanwhile the true value moved by 3 °C; one to a second wrong value.
+    let stays = run(&|n| Some(if n < 1000 { 20.0 } else { 40.0 }));
+    assert!(
+        all(&stays[..6], Status::SETTLING) && all(&stays[6..1000], Status::OK) && all(&stays[1002..], Status::SETTLING)
+    );
+    let back = run(&|n| {
+        Some(if (1000..1600).contains(&n) { 40.0 } else { 20.0 + 0.005 * f64::from(n.clamp(1000, 1600) - 1000) })
+    });
+    assert!(all(&back[1002..1600], Status::SETTLING) && all(&back[1602..], Status::OK));
+    let other = run(&|n| Some([20.0, 40.0, 0.0][usize::from(n >= 1000) + usize::from(n >= 1600)]));
+    assert!(all(&other[1602..], Status::SETTLING));
+    // The first samples after power-on were wrong.
+    let start = run(&|n| Some(if n < 3 { 60.0 } else { 20.0 }));
+    assert!(all(&start[6..], Status::OK) && !all(&start[..6], Status::OK));
+    // Missing for 200 updates: 0.8 °C more are no step, 5 °C more are.
+    let gap = |moved: f64| run(&|n| (!(1000..1200).contains(&n)).then_some(if n < 1100 { 20.0 } else { 20.0 + moved }));
+    assert!(all(&gap(1.7)[1200..], Status::OK));
+    let far = gap(6.0);
+    assert!(all(&far[1200..1202], Status::HELD | Status::STALE) && all(&far[1202..], Status::SETTLING));
 }
 
 /// An overflow ends by the stated call alone, with a remainder of zero; without one the call changes nothing.

@@ -20,7 +20,7 @@ fn the_target_applies_both_lags() {
     assert_eq!(axis.nonlinear().iter().map(|p| p.name.as_str()).collect::<Vec<_>>(), ["lag", "slow lag"]);
 
     let image = encode(&made, axis, [0; 32], 1).unwrap();
-    assert_eq!((image.format_minor(), image.inputs()[1].source), (4, ValueSource::Repeat { of: 0 }));
+    assert_eq!((image.format_minor(), image.inputs()[1].source), (5, ValueSource::Repeat { of: 0 }));
     assert_eq!(Image::decode(&image_bytes(&image)), Ok(image));
 
     let after = |made: &Calibration, seed: u64| {

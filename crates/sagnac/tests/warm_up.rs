@@ -16,7 +16,7 @@ fn the_target_corrects_it_from_power_on() {
     assert_eq!(Calibration::parse(&made.to_json().unwrap()).unwrap(), made);
     assert!(axis.fit.as_ref().unwrap().time_effects.is_empty(), "{:?}", axis.fit.as_ref().unwrap().time_effects);
     let image = encode(&made, axis, [0; 32], 1).unwrap();
-    assert_eq!((image.format_minor(), image.inputs().last().unwrap().source), (4, ValueSource::WarmUp));
+    assert_eq!((image.format_minor(), image.inputs().last().unwrap().source), (5, ValueSource::WarmUp));
     assert_eq!(Image::decode(&image_bytes(&image)), Ok(image));
     let priced = axis.candidates().iter().find(|candidate| candidate.chosen).unwrap().slow_update_instructions;
     assert_eq!(priced, Some(image.work().instructions()));

@@ -26,10 +26,10 @@ use cortex_m::interrupt::{Mutex, free};
 use cortex_m::peripheral::{NVIC, SCB};
 use cortex_m_rt::{entry, exception};
 use heapless::Deque;
-use sagnac_board::{Axis, Board, Line, OutputFrame};
+use sagnac_board::{Axis, Board, Line, OutputFrame, Start};
 use sagnac_core::{Banks, NoKey};
 use sagnac_loops::LoopTable;
-use stm32f4::stm32f407::{IWDG, Interrupt, Peripherals, TIM4, interrupt};
+use stm32f4::stm32f407::{IWDG, Interrupt, Peripherals, RCC, TIM4, interrupt};
 
 use converters::{Desk, Parts};
 use flash::Internal;
@@ -106,6 +106,13 @@ fn main() -> ! {
 
 type BoardLine = Line<Serial, Internal, NoKey>;
 
+/// Power-on or a reset, by the flags of the processor, which are cleared for the next time. No clock of this board runs through a reset.
+fn how_it_began(rcc: &RCC) -> Start {
+    let began = rcc.csr().read();
+    rcc.csr().modify(|_, w| w.rmvf().set_bit());
+    if began.porrstf().bit_is_set() { Start::PowerOn } else { Start::Reset { since_power_on_s: None } }
+}
+
 /// Everything up to the first tick.
 #[inline(never)]
 fn power_on() -> Option<(BoardLine, LoopTable, IWDG)> {
@@ -119,7 +126,7 @@ fn power_on() -> Option<(BoardLine, LoopTable, IWDG)> {
     let of = Parts { rcc: &parts.RCC, port_a: &parts.GPIOA, port_c: &parts.GPIOC, common: &parts.ADC_COMMON };
     let desk = Desk::start(&of, parts.ADC1, parts.DAC, parts.TIM1)?;
     let (encoder, ticks) = fringes::start(&parts.RCC, &parts.GPIOA, parts.TIM2, &parts.TIM4, parts.TIM5);
-    let mut board = Board::new(loaded.image, loaded.origin, &loops, (false, false), None);
+    let mut board = Board::new(how_it_began(&parts.RCC), loaded.image, loaded.origin, &loops, (false, false), None);
     board.use_loaded(&loaded);
     let axis = Axis::new(board, encoder, ticks, desk);
     free(|cs| {

@@ -33,6 +33,7 @@ pub(crate) fn thermometer() -> InputSpec {
         stale_after_updates: 10,
         settling_updates: 900,
         largest_step_q8: 0,
+        step_growth: 0,
     }
 }
 

@@ -166,9 +166,10 @@ pub struct ThermometerSetup {
     /// How long a correction is kept without a temperature before it is STALE, s.
     #[serde(default = "default_stale_after")]
     pub stale_after_s: f64,
-    /// Largest step between two temperature periods that the target takes for a temperature at once, °C; 0 for any step.
-    #[serde(default = "default_max_step")]
-    pub max_step_c: f64,
+    /// Largest step between two temperature periods that the target takes for a temperature at once, °C; 0 for any step. By default three
+    /// times the largest of the logs.
+    #[serde(default)]
+    pub max_step_c: Option<f64>,
     /// Temperature at code 0, °C, where the target reads codes.
     #[serde(default)]
     pub offset_c: Option<f64>,
@@ -179,10 +180,6 @@ pub struct ThermometerSetup {
 
 fn default_valid_range() -> [f64; 2] {
     [-80.0, 125.0]
-}
-
-fn default_max_step() -> f64 {
-    5.0
 }
 
 fn default_stale_after() -> f64 {
@@ -196,7 +193,7 @@ impl ThermometerSetup {
             name: name.to_owned(),
             valid_range_c: default_valid_range(),
             stale_after_s: default_stale_after(),
-            max_step_c: default_max_step(),
+            max_step_c: None,
             offset_c: None,
             gain_c_per_code: None,
         }
@@ -215,9 +212,10 @@ pub struct AuxSetup {
     /// How long a correction is kept without a value before it is STALE, s.
     #[serde(default = "default_stale_after")]
     pub stale_after_s: f64,
-    /// Largest step between two temperature periods that the target takes for a value at once; 0, the default, for any step.
+    /// Largest step between two temperature periods that the target takes for a value at once; 0 for any step. By default three times the
+    /// largest of the logs.
     #[serde(default)]
-    pub max_step: f64,
+    pub max_step: Option<f64>,
     /// Value at code 0, where the target reads codes.
     #[serde(default)]
     pub offset: Option<f64>,
@@ -233,7 +231,7 @@ impl AuxSetup {
             name: name.to_owned(),
             valid_range: None,
             stale_after_s: default_stale_after(),
-            max_step: 0.0,
+            max_step: None,
             offset: None,
             gain_per_code: None,
         }
@@ -252,7 +250,7 @@ impl AuxSetup {
             }
         }
         in_range("aux.stale_after_s", Some(self.stale_after_s), 0.0, 1e6)?;
-        in_range("aux.max_step", Some(self.max_step), 0.0, 1e12)?;
+        in_range("aux.max_step", self.max_step, 0.0, 1e12)?;
         in_range("aux.offset", self.offset, -1e12, 1e12)?;
         in_range("aux.gain_per_code", self.gain_per_code.map(f64::abs), 1e-18, 1e12)?;
         if self.offset.is_some() != self.gain_per_code.is_some() {
@@ -518,7 +516,7 @@ pub fn check_thermometer(t: &ThermometerSetup) -> Result<()> {
     in_range("thermometer.valid_range_c", Some(lo), -127.0, 127.0)?;
     in_range("thermometer.valid_range_c", Some(hi), lo, 127.0)?;
     in_range("thermometer.stale_after_s", Some(t.stale_after_s), 0.0, 1e6)?;
-    in_range("thermometer.max_step_c", Some(t.max_step_c), 0.0, 250.0)?;
+    in_range("thermometer.max_step_c", t.max_step_c, 0.0, 250.0)?;
     in_range("thermometer.offset_c", t.offset_c, -127.0, 127.0)?;
     in_range("thermometer.gain_c_per_code", t.gain_c_per_code.map(f64::abs), 1e-8, 100.0)?;
     if t.offset_c.is_some() != t.gain_c_per_code.is_some() {

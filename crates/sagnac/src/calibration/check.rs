@@ -83,7 +83,7 @@ impl AxisCalibration {
             name: name.clone(),
             valid_range_c: main.valid_range,
             stale_after_s: main.stale_after_s,
-            max_step_c: main.max_step,
+            max_step_c: Some(main.max_step),
             offset_c: Some(main.offset),
             gain_c_per_code: Some(main.gain_per_code),
         })?;
@@ -137,6 +137,7 @@ impl AxisCalibration {
             ("reference", (input.span[0]..=input.span[1]).contains(&input.reference)),
             ("stale_after_s", (0.0..=1e6).contains(&input.stale_after_s)),
             ("max_step", (0.0..=1e12).contains(&input.max_step)),
+            ("max_rate_per_s", (0.0..=1e12).contains(&input.max_rate_per_s)),
             ("offset", input.offset.is_finite()),
             ("gain_per_code", input.gain_per_code != 0.0 && input.gain_per_code.is_finite()),
             ("lag_s", input.lag_s.is_none_or(|lag| lag.value > 0.0 && lag.value.is_finite())),

@@ -63,10 +63,24 @@ pub struct Input {
     pub rms_dph: Option<f64>,
     /// Time without a value after which the correction is STALE, s.
     pub stale_after_s: f64,
-    /// Largest step between two temperature periods that the target takes for a value at once, in its own unit; 0 for any step.
+    /// Largest step between two temperature periods that the target takes for a value at once, in its own unit; 0 for any step. The image
+    /// widens it up to the way of 20 s at the largest rate, where its rate terms make no error of that.
     #[serde(default)]
     pub max_step: f64,
+    /// How fast a value may move, its own unit per second: after samples were missing, one farther from the last is a step. After a step the
+    /// status is SETTLING until the input steps back. 0: a step leaves no doubt.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub max_rate_per_s: f64,
 }
+
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
+}
+
+/// A target, and a retest, may read an input as rarely, s: so far it may move at its largest rate where that does no harm.
+pub(crate) const SAMPLED_S: f64 = 20.0;
+/// Largest step of a thermometer of which nothing is known, °C.
+const MAX_STEP_C: f64 = 5.0;
 
 impl Input {
     /// A thermometer as set up, over the span and with the reference of a fit.
@@ -83,7 +97,8 @@ impl Input {
             valid_range: setup.valid_range_c,
             rms_dph: None,
             stale_after_s: setup.stale_after_s,
-            max_step: setup.max_step_c,
+            max_step: setup.max_step_c.unwrap_or(MAX_STEP_C),
+            max_rate_per_s: 0.0,
         }
     }
 
@@ -97,6 +112,7 @@ impl Input {
             valid_range: DIFFERENCE_RANGE_C,
             stale_after_s,
             max_step: 0.0,
+            max_rate_per_s: 0.0,
             ..Self::thermometer(ThermometerSetup { offset_c: None, gain_c_per_code: None, ..of }, span, reference)
         }
     }
@@ -118,13 +134,14 @@ impl Input {
             valid_range,
             rms_dph: None,
             stale_after_s: setup.stale_after_s,
-            max_step: setup.max_step,
+            max_step: setup.max_step.unwrap_or(0.0),
+            max_rate_per_s: 0.0,
         }
     }
 
     /// An input once more, behind a second lag.
     pub(crate) fn repeat(self, name: String) -> Self {
-        Self { source: InputSource::Repeat(self.name), name, max_step: 0.0, ..self }
+        Self { source: InputSource::Repeat(self.name), name, max_step: 0.0, max_rate_per_s: 0.0, ..self }
     }
 
     /// The name of the input that it repeats for a second lag.

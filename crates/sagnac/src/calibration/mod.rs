@@ -26,6 +26,7 @@ mod uncertainty;
 
 pub use crate::calibration::axis::{AxisCalibration, AxisCorrection, NonlinearParameter};
 pub use crate::calibration::axis_record::FitDiagnostics;
+pub(crate) use crate::calibration::input::SAMPLED_S;
 pub use crate::calibration::input::{Input, InputSource, Lag};
 pub use crate::calibration::of_fit::{
     Candidate, CrossValidation, FitResidual, FixedBias, Monomial, NoiseFloor, RunOffset, WholeNoise,

@@ -182,11 +182,13 @@ pub(super) fn compensator_lags() -> Result<Making> {
     use Multiplier::{One, Rate};
     let mut d = Description { period_ticks: 50, slew_ticks: 9, ..Description::empty() };
     d.serial[..4].copy_from_slice(b"LAGS");
-    // The ramp moves by 0.45 °C an update.
-    let first = InputSpec { largest_step_q8: 128, ..thermometer([-35, 65])? };
+    // The ramp moves by 0.45 °C an update; while there is no value the reach grows by 0.25 °C.
+    let first = InputSpec { largest_step_q8: 128, step_growth: 15, ..thermometer([-35, 65])? };
     let second = InputSpec {
         offset_q24: -(2 << 24),
         gain: Gain { mantissa: 1_234_567_891, shift: 22 },
+        // Its steps leave no doubt.
+        largest_step_q8: 256,
         ..thermometer([-30, 60])?
     };
     let repeat = |of: u8, lag: LagSpec, base: InputSpec| InputSpec {
@@ -196,6 +198,7 @@ pub(super) fn compensator_lags() -> Result<Making> {
         lag,
         settling_updates: 3 * base.settling_updates,
         largest_step_q8: 0,
+        step_growth: 0,
         ..base
     };
     let slow = LagSpec { alpha_mantissa: 0x7ffe_0005, alpha_shift: 41, rate_shift: 13, ..first.lag };
@@ -242,7 +245,36 @@ pub(super) fn compensator_lags() -> Result<Making> {
             making.step(5, &[])?;
         }
     }
+    doubts(&mut making)?;
     Ok(making)
+}
+
+/// From power-on: steps of the first thermometer that leave a doubt, each from an update on, 10⁻³ °C: away and back; away, partly back but out of reach, farther,
+/// back; away, and back behind missing samples; a jump within reach behind others; away for longer than the lag settles. The second steps for good.
+fn doubts(making: &mut Making) -> Result<()> {
+    const STEPS: [(u32, i64); 11] = [
+        (0, 20_000),
+        (40, 23_000),
+        (90, 20_200),
+        (130, 40_000),
+        (136, 28_000),
+        (150, 60_000),
+        (200, 20_300),
+        (230, 26_000),
+        (281, 20_400),
+        (331, 24_000),
+        (400, 30_000),
+    ];
+    making.step(0, &[])?;
+    for update in 0..800_u32 {
+        let milli = STEPS.iter().rev().find(|(from, _)| *from <= update).map_or(0, |(_, milli)| *milli);
+        let missing = (250..281).contains(&update) || (300..331).contains(&update);
+        let second = 3_000 + if update < 400 { 0 } else { 300_000 };
+        let present = if missing { 0b0100 } else { 0b0101 };
+        making.step(1, &[present, i32::try_from((milli << 24) / 1000)? as u32, 0, second, 0])?;
+        making.step(2, &[50, update * 104_729 + 1, 21, 4])?;
+    }
+    Ok(())
 }
 
 /// A warm-up next to a thermometer and a repeat of it: from power-on, over many updates without a sample, and after a change of the

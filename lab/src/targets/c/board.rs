@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use sagnac_board::{ActuatorCodes, Board, Message, Sample};
+use sagnac_board::{ActuatorCodes, Board, Message, Sample, Start};
 use sagnac_core::{BankReport, Description, Image, Loaded, Origin, Status, WatchSpec};
 use sagnac_loops::Stripper;
 
@@ -31,7 +31,8 @@ impl Dice {
 
 /// Writes the records of so many boards.
 pub(super) fn records(folder: &Path, boards: u32) -> Result<PathBuf> {
-    let images = ["compensator-full", "compensator-inputs", "compensator-lags", "compensator-paper"];
+    let images =
+        ["compensator-full", "compensator-inputs", "compensator-lags", "compensator-paper", "compensator-warm-up"];
     let images: Vec<Vec<u8>> = images.iter().map(|name| table(name)).collect::<Result<_>>()?;
     let (mut bytes, mut seen) = (table("path-length-mirror")?, Status::OK);
     for seed in 0..boards {
@@ -76,8 +77,13 @@ fn one_board(seed: u32, images: &[Vec<u8>], bytes: &mut Vec<u8>, seen: &mut Stat
     bytes.extend([spec.shows, spec.still, spec.command_shows].into_iter().flat_map(u32::to_le_bytes));
     bytes.push(heats.into());
     let first = loaded(&mut dice, images, bytes)?;
+    let since_power_on_s = [None, Some(0), Some(5), Some(4000), Some(u32::MAX - 1)][dice.below(5) as usize];
+    let is_reset = dice.below(2) == 1;
+    bytes.push(is_reset.into());
+    bytes.extend(since_power_on_s.unwrap_or(u32::MAX).to_le_bytes());
+    let start = if is_reset { Start::Reset { since_power_on_s } } else { Start::PowerOn };
     let stripper = strips.then(|| Stripper::new(longest, least));
-    let mut board = Board::new(first.image, first.origin, &loops()?, levels(0), stripper);
+    let mut board = Board::new(start, first.image, first.origin, &loops()?, levels(0), stripper);
     board.use_loaded(&first);
     if watches {
         board.watch_thermometers(spec, heats);

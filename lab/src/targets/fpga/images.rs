@@ -143,7 +143,9 @@ fn any_input(rng: &mut ChaCha8Rng, index: u8, of: u8, base: InputSpec) -> InputS
         largest_step_q8: if rng.random() { 0 } else { rng.random_range(1..2000) },
         ..InputSpec::UNUSED
     };
+    let step_growth = if own.largest_step_q8 == 0 { 0 } else { rng.random_range(0..=16) };
     let derived = InputSpec { offset_q24: 0, gain: Gain::ONE, largest_step_q8: 0, ..own };
+    let own = InputSpec { step_growth, ..own };
     match rng.random_range(0..6) {
         0 if index > 1 => InputSpec {
             source: ValueSource::Difference { of, less: rng.random_range(0..index) },

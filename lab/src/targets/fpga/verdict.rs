@@ -43,7 +43,7 @@ pub(super) fn verdict(bytes: &[u8], hardware: Hardware) -> u32 {
     if !bytes.starts_with(b"SAGNACIM") {
         return NOT_AN_IMAGE;
     }
-    if word(2) & 0xffff != 1 || word(2) >> 16 > 4 {
+    if word(2) & 0xffff != 1 || word(2) >> 16 > 5 {
         return VERSION;
     }
     if !(132..=772).contains(&word(3)) || word(3) % 4 != 0 {
@@ -96,7 +96,8 @@ fn of_head(word: &[u32], len: usize, hardware: Hardware) -> u32 {
 fn of_input(word: &[u32], index: u8, hardware: Hardware) -> u32 {
     let [gain_shift, x_shift, alpha_shift, rate_shift] = word[2].to_le_bytes();
     let [y_shift, source, of, less] = word[3].to_le_bytes();
-    let [_, step_low, step_high, zero] = word[15].to_le_bytes();
+    let [_, step_low, step_high, growth] = word[15].to_le_bytes();
+    let grows_by_steps = growth <= 16 && (growth == 0 || (step_low, step_high) != (0, 0));
     let is_source = match source {
         0 | 3 => (of, less) == (0, 0),
         1 => of < index && less < index,
@@ -111,7 +112,7 @@ fn of_input(word: &[u32], index: u8, hardware: Hardware) -> u32 {
         (y_shift > 31 || !is_source, FIELD),
         (source != 0 && !hardware.derived, NEEDS_MORE),
         (word[9] > 1 << 31 || (word[9] == 0) != (alpha_shift == 0), FIELD),
-        (zero != 0, FIELD),
+        (!grows_by_steps, FIELD),
         ((step_low, step_high) != (0, 0) && !hardware.step_limits, NEEDS_MORE),
     ])
 }

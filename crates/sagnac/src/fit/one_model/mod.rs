@@ -4,6 +4,7 @@ pub(crate) mod curve;
 pub(crate) mod design;
 pub(crate) mod effects;
 pub(crate) mod input_noise;
+mod movement;
 pub(crate) mod prepared;
 pub(crate) mod recorded;
 pub(crate) mod reduce;

@@ -3,11 +3,12 @@
 
 use crate::calibration::{CorrectionTerm, Input};
 use crate::fit::one_model::effects::Parts;
+use crate::fit::one_model::movement::with_movement;
 use crate::fit::one_model::solution::Fitted;
 use crate::fit::problem::least_squares::LeastSquares;
 use crate::fit::problem::rows::TermColumn;
 use crate::model::input::{SampledInput, Signal, channels};
-use crate::window::{WindowShape, Windows};
+use crate::window::Windows;
 use sagnac_log::setup::Setup;
 
 /// Inputs that the target must read; without `parts`, what each of them makes is not known.
@@ -34,7 +35,7 @@ pub(crate) fn recorded_inputs(
         // A thermometer that only a difference needs has no terms, but it has a span.
         let bare = own.is_none().then(|| SampledInput::new(signal, windows, &problem.used, setup.reference_c()));
         let sampled = own.map(|at| &problem.inputs[at]).or(bare.as_ref())?;
-        let input = as_set_up(sampled, &windows.shape, setup);
+        let input = as_set_up(sampled, windows, setup);
         Some(match own {
             Some(at) => fitted_with(at, input),
             None => Input { rms_dph: parts.map(|_| 0.0), ..input },
@@ -42,7 +43,7 @@ pub(crate) fn recorded_inputs(
     };
     let slow = (0..problem.inputs.len()).filter(has_terms).filter_map(|at| {
         let repeated = &problem.inputs[problem.inputs[at].repeats?];
-        let input = as_set_up(repeated, &windows.shape, setup).repeat(problem.inputs[at].name.clone());
+        let input = as_set_up(repeated, windows, setup).repeat(problem.inputs[at].name.clone());
         Some(fitted_with(at, input))
     });
     channels(Signal::Thermometer(sensor), &named).into_iter().filter_map(input_of).chain(slow).collect()
@@ -72,15 +73,21 @@ pub(crate) fn terms(fitted: &Fitted, problem: &LeastSquares<'_>, inputs: &[Input
     fitted.terms.iter().enumerate().map(term).collect()
 }
 
-fn as_set_up(sampled: &SampledInput, shape: &WindowShape, setup: &Setup) -> Input {
+fn as_set_up(sampled: &SampledInput, windows: &Windows, setup: &Setup) -> Input {
     let (span, reference, name) = (sampled.span, sampled.reference, sampled.name.clone());
+    let shape = &windows.shape;
     let thermometer = |at: usize| setup.thermometer(shape.thermometers.get(at).map_or("", String::as_str));
     match sampled.signal {
-        Signal::Thermometer(at) => Input::thermometer(thermometer(at), span, reference),
+        Signal::Thermometer(at) => {
+            let stated = thermometer(at).max_step_c;
+            with_movement(Input::thermometer(thermometer(at), span, reference), windows, at, stated)
+        }
         Signal::Difference { of, less } => Input::difference(name, [of, less].map(thermometer), span, reference),
         Signal::Column(at) => {
             let column = setup.aux(shape.aux.get(at).map_or("", String::as_str));
-            Input::column(name, column, span, reference)
+            let stated = column.max_step;
+            let input = Input::column(name, column, span, reference);
+            with_movement(input, windows, shape.thermometers.len() + at, stated)
         }
     }
 }

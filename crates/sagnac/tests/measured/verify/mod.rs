@@ -4,6 +4,7 @@ pub(crate) mod acceptance;
 pub(crate) mod compare_limits;
 pub(crate) mod copies;
 pub(crate) mod counts;
+pub(crate) mod faults;
 mod hidden;
 pub(crate) mod many_files;
 mod memory;

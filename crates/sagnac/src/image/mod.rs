@@ -27,23 +27,21 @@
 //! The counts of a rate log have no size of their own. [`rate_unit`] takes the finest decade from 1e-4 arcsec on that holds the
 //! correction with a margin of [`RATE_MARGIN`]. The fit asks [`Holder`] before it selects a model.
 
+mod channels;
+mod faults;
+
 use sagnac_core::{
     Description, Gain, Image, InputSpec, Kind, LagSpec, MAX_IMAGE_LEN, MAX_INPUTS, MAX_SCALE, MAX_TERMS, Multiplier,
     Shape, Term, ValueSource,
 };
 
-use crate::calibration::{AxisCalibration, AxisCorrection, Calibration, Input, InputSource, LogUnit, Target, WarmUp};
-use crate::model::input::unit_exponent;
+use crate::calibration::{AxisCalibration, AxisCorrection, Calibration, Input, LogUnit, Target, WarmUp};
+use crate::image::channels::{InputChannel, Q24, channels, too_large};
+use crate::image::faults::FaultBounds;
 use crate::model::shape::image_order;
 use crate::model::{ActsOn, Form};
 use sagnac_log::error::{Error, Result};
 use sagnac_units::format::significant;
-
-/// 2⁻²⁴ °C per °C.
-const Q24: f64 = (1 << 24) as f64;
-/// Longest duration of SETTLING, s.
-const SETTLING_MAX_S: f64 = 3600.0;
-const SETTLING_TAUS: f64 = 3.0;
 
 /// Largest coefficient of a bias term, counts per tick.
 const TERM_MAX: f64 = 8192.0;
@@ -192,6 +190,13 @@ impl Frame {
         }
         d.terms[..terms.len()].copy_from_slice(&terms);
         d.term_count = terms.len() as u8;
+        let taus_s = channels.iter().map(|channel| channel.input.lag_s.map(|lag| lag.value));
+        let taus_s: Vec<Option<f64>> =
+            taus_s.chain([correction.warm_up.as_ref().map(|warm_up| warm_up.tau_s.value)]).collect();
+        let dph_per_count = unit.arcsec_per_lsb() / (f64::from(target.tick_ns) * 1e-9);
+        let bounds = FaultBounds::of(&d, dph_per_count);
+        bounds.settle(&mut d, &taus_s, target.period_s());
+        bounds.limit_steps(&mut d, &channels, target.period_s())?;
         Image::new(d)
             .map_err(|e| Error::input(format!("no image can hold this correction: {e}"), "choose a smaller --model"))
     }
@@ -203,12 +208,6 @@ pub fn image_bytes(image: &Image) -> Vec<u8> {
     let len = image.encode(&mut bytes).unwrap_or(0);
     bytes.truncate(len);
     bytes
-}
-
-/// A number beyond its field; `holds` says what the field takes.
-fn too_large(name: &str, value: f64, holds: &str) -> Error {
-    let what = format!("does not fit the image, which holds {holds}");
-    Error::input(what, "choose a smaller --model, or correct the value").column(name).value(value.to_string())
 }
 
 fn unsigned(name: &str, value: f64) -> Result<u64> {
@@ -227,68 +226,6 @@ fn signed(name: &str, value: f64, holds: &str) -> Result<i32> {
 
 fn q24(name: &str, celsius: f64) -> Result<i32> {
     signed(name, celsius * Q24, "±128 °C, or ±128 of the power of two that a column is scaled by")
-}
-
-/// An input as the image reads it.
-struct InputChannel<'a> {
-    input: &'a Input,
-    source: ValueSource,
-    /// One °C of the image is 2^exponent of its unit.
-    exponent: i8,
-}
-
-impl InputChannel<'_> {
-    /// The border of the rate span that is farther from zero, units per minute.
-    fn rate_far(&self) -> Option<f64> {
-        self.input.lag_s?;
-        self.input.rate_span_per_min.map(|[lo, hi]| lo.abs().max(hi.abs())).filter(|far| *far > 0.0)
-    }
-
-    /// Units of the record per °C of the image.
-    fn unit(&self) -> f64 {
-        2.0_f64.powi(self.exponent.into())
-    }
-}
-
-/// The record's inputs in their order.
-fn channels(correction: &AxisCorrection) -> Result<Vec<InputChannel<'_>>> {
-    let inputs = &correction.inputs;
-    let index_of = |wanted: &String, of: &Input| {
-        let place = inputs.iter().position(|other| other.source == InputSource::Thermometer(wanted.clone()));
-        place.and_then(|at| u8::try_from(at).ok()).ok_or_else(|| {
-            Error::input(
-                "a difference names a thermometer that is no input",
-                "calibrate again, or copy the file again from its source",
-            )
-            .column("inputs")
-            .value(&of.name)
-        })
-    };
-    let channel = |input| {
-        let input: &Input = input;
-        let (source, exponent) = match &input.source {
-            InputSource::Thermometer(_) => (ValueSource::Code, 0),
-            InputSource::Difference(of, less) => {
-                (ValueSource::Difference { of: index_of(of, input)?, less: index_of(less, input)? }, 0)
-            }
-            InputSource::Column(_) => (ValueSource::Code, unit_exponent(input.valid_range)),
-            InputSource::Repeat(of) => {
-                let place = inputs.iter().position(|other| other.name == *of).and_then(|at| u8::try_from(at).ok());
-                let of = place.ok_or_else(|| {
-                    Error::input(
-                        "the input repeats one that the record does not contain",
-                        "calibrate again, or copy the file again from its source",
-                    )
-                    .column("inputs")
-                    .value(&input.name)
-                })?;
-                let exponent = if correction.is_in_celsius(input) { 0 } else { unit_exponent(input.valid_range) };
-                (ValueSource::Repeat { of }, exponent)
-            }
-        };
-        Ok(InputChannel { input, source, exponent })
-    };
-    inputs.iter().map(channel).collect()
 }
 
 /// Codes that the target passes to an image at a slow update.
@@ -330,7 +267,6 @@ fn input_spec(channel: &InputChannel<'_>, period_s: f64) -> Result<InputSpec> {
         }
         _ => LagSpec::default(),
     };
-    let settling_s = input.lag_s.map_or(0.0, |lag| (SETTLING_TAUS * lag.value).min(SETTLING_MAX_S));
     let has_code = channel.source == ValueSource::Code;
     for value in span.into_iter().filter(|_| has_code) {
         let code = (value - input.offset) / input.gain_per_code;
@@ -354,23 +290,10 @@ fn input_spec(channel: &InputChannel<'_>, period_s: f64) -> Result<InputSpec> {
         x_shift,
         lag,
         stale_after_updates: (input.stale_after_s / period_s).ceil() as u32,
-        settling_updates: if lag.is_used() { (settling_s / period_s).ceil() as u32 } else { 0 },
-        largest_step_q8: if has_code { largest_step(input.max_step / unit)? } else { 0 },
+        settling_updates: 0,
+        largest_step_q8: 0,
+        step_growth: 0,
     })
-}
-
-/// Rounded up; a step that no code can make is any step.
-fn largest_step(celsius: f64) -> Result<u16> {
-    let q8 = (celsius * 256.0).ceil();
-    if q8 <= f64::from(u16::MAX) {
-        Ok(q8 as u16)
-    } else {
-        Err(too_large(
-            "max_step",
-            celsius,
-            "steps of up to 255 °C, or of 255 times the power of two that a column is scaled by",
-        ))
-    }
 }
 
 /// Name of the input behind a warm-up.
@@ -387,13 +310,7 @@ fn warm_up_rate(warm_up: &WarmUp, period_s: f64) -> f64 {
 fn warm_up_spec(warm_up: &WarmUp, period_s: f64) -> Result<InputSpec> {
     let far_cpm = warm_up_rate(warm_up, period_s) / WARM_UP_START * 60.0 / period_s;
     let lag = lag_spec(warm_up.tau_s.value, period_s, far_cpm, [0.0, far_cpm])?;
-    let settling_s = (SETTLING_TAUS * warm_up.tau_s.value).min(SETTLING_MAX_S);
-    Ok(InputSpec {
-        source: ValueSource::WarmUp,
-        lag,
-        settling_updates: (settling_s / period_s).ceil() as u32,
-        ..InputSpec::UNUSED
-    })
+    Ok(InputSpec { source: ValueSource::WarmUp, lag, ..InputSpec::UNUSED })
 }
 
 /// `mantissa · 2^−shift` with a mantissa of 30 bits.
