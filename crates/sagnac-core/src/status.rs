@@ -17,7 +17,7 @@ impl Status {
     pub const HELD: Self = Self(1 << 2);
     /// Held for longer than the hold time of the image.
     pub const STALE: Self = Self(1 << 3);
-    /// A lag filter still remembers its start: min(3τ, 1 h) after the first valid value.
+    /// A lag filter still remembers its start, or an input took a step that no value makes, and has not stepped back.
     pub const SETTLING: Self = Self(1 << 4);
     /// No correction has been computed yet; counts pass through unchanged.
     pub const UNCORRECTED: Self = Self(1 << 5);

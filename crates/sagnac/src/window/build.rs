@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use crate::window::outliers;
 use crate::window::rest::RestWatch;
+use crate::window::row_trace::RowTrace;
 use crate::window::sums::{Moments, WindowSums, until_split};
 use crate::window::tracks::{Grid, Tracks};
 use crate::window::windows::{Run, RunFile, WindowRows, WindowShape, Windows};
@@ -14,7 +15,7 @@ use sagnac_log::ingest::{
 };
 use sagnac_log::memory::MemoryBudget;
 use sagnac_log::setup::{RunDivision, Setup, TableRun, WindowSize};
-use sagnac_noise::{FILLED, TraceWatch, WindowedDifferences};
+use sagnac_noise::{FILLED, WindowedDifferences};
 use sagnac_units::{ns_from_s, s_from_ns};
 
 /// Bytes of a window apart from its columns: times, samples, line, reference, reason.
@@ -48,10 +49,7 @@ pub struct WindowBuilder {
     rest: Option<RestWatch>,
     /// Where the stretch of those differences ends, ns.
     stretch_end_ns: Option<i64>,
-    /// Of the first axis: a copy has all of them.
-    trace: TraceWatch,
-    /// Where it ends, ns.
-    trace_end_ns: Option<i64>,
+    trace: RowTrace,
     run: Option<OpenRun>,
     /// Name of the file that is being read.
     file: String,
@@ -160,8 +158,7 @@ impl WindowBuilder {
             differences: vec![WindowedDifferences::new(sample_interval_s, noise_s); log.axes.len()],
             rest: (log.timed && !shape.is_turned).then(|| RestWatch::new(log)),
             stretch_end_ns: None,
-            trace: TraceWatch::new(sample_interval_s),
-            trace_end_ns: None,
+            trace: RowTrace::new(sample_interval_s),
             window_ns: shape.window.seconds().map(window_ns),
             shape,
             division: setup.runs,
@@ -263,7 +260,7 @@ impl WindowBuilder {
         if let Some(rest) = &mut self.rest {
             rest.push(batch);
         }
-        self.push_trace(batch);
+        self.trace.push(batch, &self.log);
         self.weights.clear();
         let rows = batch.start_ns.iter().zip(&batch.end_ns);
         self.weights.extend(rows.map(|(start, end)| (end - start) as f64));
@@ -276,27 +273,6 @@ impl WindowBuilder {
             at = end;
         }
         Ok(())
-    }
-
-    fn push_trace(&mut self, batch: &Batch) {
-        let Some(angle) = batch.angle.first() else { return };
-        let start_ns = batch.start_ns[0];
-        let lost = self.trace_end_ns.map_or(0, |end_ns| self.lost_rows(end_ns, start_ns));
-        self.trace.lose(lost);
-        self.trace_end_ns = batch.end_ns.last().copied();
-        if batch.is_plain() {
-            return self.trace.push(angle);
-        }
-        for (row, value) in angle.iter().enumerate() {
-            let before = if row > 0 { self.lost_rows(batch.end_ns[row - 1], batch.start_ns[row]) } else { 0 };
-            self.trace.lose(before);
-            let rows = self.log.intervals(batch.start_ns[row], batch.end_ns[row]);
-            let is_known = batch.valid[row] && value.is_finite();
-            match rows {
-                1..=FILLED if is_known => (0..rows).for_each(|_| self.trace.push(&[value / rows as f64])),
-                _ => self.trace.lose(rows),
-            }
-        }
     }
 
     /// A row that a window can take: of a cumulative counter with rows lost it may outlast a window.
@@ -358,15 +334,10 @@ impl WindowBuilder {
         self.shape.unit == AngleUnit::Arcsec
     }
 
-    /// Rows between two times; any number where they overlap.
-    fn lost_rows(&self, from_ns: i64, to_ns: i64) -> u64 {
-        if to_ns < from_ns { u64::MAX } else { self.log.intervals(from_ns, to_ns) * u64::from(to_ns > from_ns) }
-    }
-
     /// Rows to the squared differences, the first of a window or not. Of a cumulative counter with rows lost some cover several intervals.
     fn push_differences(&mut self, batch: &Batch, unrounded: &[Vec<f64>], rows: Range<usize>, is_new: bool) {
         let start_ns = batch.start_ns[rows.start];
-        let lost = self.stretch_end_ns.map(|end_ns| self.lost_rows(end_ns, start_ns));
+        let lost = self.stretch_end_ns.map(|end_ns| self.log.lost_rows(end_ns, start_ns));
         match lost {
             Some(0) if !(is_new && self.shape.is_turned) => {}
             Some(lost) if self.is_of_rates() && (1..=FILLED).contains(&lost) => {
@@ -532,7 +503,6 @@ impl WindowBuilder {
         }
         self.stretch_end_ns = None;
         self.trace.end_run();
-        self.trace_end_ns = None;
         let tracks = run.tracks.into_values();
         self.runs.push(Run { files: run.files, start_ns: run.start_ns, end_ns: run.end_ns, tracks });
     }

@@ -9,6 +9,7 @@ mod build;
 mod level;
 mod outliers;
 mod rest;
+mod row_trace;
 mod still;
 mod sums;
 mod table;

@@ -55,6 +55,11 @@ impl LogShape {
         intervals_of(end_ns - start_ns, self.nominal_ns).unsigned_abs()
     }
 
+    /// Rows between two times; any number where they overlap.
+    pub fn lost_rows(&self, from_ns: i64, to_ns: i64) -> u64 {
+        if to_ns < from_ns { u64::MAX } else { self.intervals(from_ns, to_ns) * u64::from(to_ns > from_ns) }
+    }
+
     /// The same for the usual row: true where [`LogShape::intervals`] is 1.
     #[inline]
     pub fn is_one_interval(&self, start_ns: i64, end_ns: i64) -> bool {
