@@ -47,6 +47,7 @@ use crate::window::refuse_still;
 use sagnac_log::error::Result;
 use sagnac_log::ingest::{LogReader, Logs, hex, share_rows};
 use sagnac_log::setup::Setup;
+use sagnac_noise::{Repeat, Trace};
 use sagnac_units::s_from_ns;
 
 /// Replays retest logs through the images of a correction and compares both sides, window by window. Every window that has
@@ -87,7 +88,7 @@ pub fn verify<'a>(
     let units = setup.units.unwrap_or_default();
     let quieter = axes.iter().filter_map(|axis| reservations::quieter(record, axis, units));
     let other_unit = axes.iter().filter_map(|axis| reservations::other_unit(record, axis, setup));
-    let copies = reservations::copies(record, &whole.raw.trace);
+    let copies = reservations::repeated(&whole.raw.trace);
     let objections = quieter.chain(other_unit).chain(reservations::other_offset(record, setup)).chain(copies).collect();
     let verification = Verification {
         program: program(),
@@ -102,7 +103,7 @@ pub fn verify<'a>(
         record_sha256: correction.images.first().map_or(String::new(), |image| hex(&image.description().parent)),
         limits: None,
         untested_axes: untested_axes(correction, &windows.shape.axes),
-        training_overlap: training_overlap(correction, &log_files(windows)),
+        training_overlap: training_overlap(correction, &log_files(windows), &whole.raw.trace),
         training_unknown: correction.calibration.is_none(),
         overrides,
         objections,
@@ -136,8 +137,8 @@ fn untested_axes(correction: &Correction, tested: &[char]) -> Vec<char> {
 }
 
 /// Names of the retests whose bytes or rows the calibration was made from: a copy with other line ends, columns or compression, with
-/// a few rows lost, or in parts is no other test.
-fn training_overlap(correction: &Correction, retests: &[LogFile]) -> Vec<String> {
+/// a few rows lost, or in parts is no other test. Nor is one in other rows, or with counts moved: it has their noise.
+fn training_overlap(correction: &Correction, retests: &[LogFile], trace: &Trace) -> Vec<String> {
     let of_fit = || correction.calibration.iter().flat_map(|calibration| &calibration.provenance.inputs);
     let sketch_of = |log: &LogFile| log.rows_sketch.clone();
     let fits: Vec<String> = of_fit().map(sketch_of).collect();
@@ -147,8 +148,11 @@ fn training_overlap(correction: &Correction, retests: &[LogFile]) -> Vec<String>
     let seen = |retest: &&LogFile| same_rows(retest) || of_fit().any(|input| input.sha256 == retest.sha256);
     let names = |logs: &mut dyn Iterator<Item = &LogFile>| logs.map(|retest| retest.file.clone()).collect::<Vec<_>>();
     let repeated = names(&mut retests.iter().filter(seen));
+    let trained = || correction.calibration.as_ref()?.provenance.noise_trace.as_ref()?.trace();
+    let has_their_noise = || trained().is_some_and(|trained| Repeat::of_other(trace, &trained).is_some());
     // Parts of a log share few hashes with it each, and many together.
-    if repeated.is_empty() && share_rows(&all, &fits) { names(&mut retests.iter()) } else { repeated }
+    let is_of_fit = repeated.is_empty() && (share_rows(&all, &fits) || has_their_noise());
+    if is_of_fit { names(&mut retests.iter()) } else { repeated }
 }
 
 #[cfg(test)]

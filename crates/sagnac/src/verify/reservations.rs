@@ -142,16 +142,9 @@ pub(crate) fn other_unit(record: Option<&Calibration>, axis: &AxisVerification, 
     })
 }
 
-/// Rows that came before, in the retest itself or in the training logs, prove nothing.
-pub(crate) fn copies(record: Option<&Calibration>, retest: &Trace) -> Vec<String> {
-    let percent = |copy: Repeat| significant(100.0 * copy.shared, 3);
-    let own = Repeat::within(retest).map(|copy| {
-        let hours = significant(copy.lag_s / 3600.0, 3);
-        format!("rows of the retest repeat those {hours} h before: {} % of their noise is the same", percent(copy))
-    });
-    let trained = record.and_then(|record| record.provenance.noise_trace.as_ref()?.trace());
-    let of_training = trained.and_then(|trained| Repeat::of_other(retest, &trained)).map(|copy| {
-        format!("rows of the retest repeat those of the training logs: {} % of their noise is the same", percent(copy))
-    });
-    own.into_iter().chain(of_training).collect()
+/// Rows that came before in the retest count once.
+pub(crate) fn repeated(retest: &Trace) -> Option<String> {
+    let copy = Repeat::within(retest)?;
+    let [hours, percent] = [copy.lag_s / 3600.0, 100.0 * copy.shared].map(|value| significant(value, 3));
+    Some(format!("rows of the retest repeat those {hours} h before: {percent} % of their noise is the same"))
 }

@@ -171,3 +171,29 @@ fn status_zero_is_never_wrong_by_a_fault() {
     });
     evidence("an image of which one of 50 faults is wrong beyond its bound with status 0", wrong, "≤ 0", IMAGES);
 }
+
+/// A thermometer that reads 85 °C in its first samples after power-on, in each training log, and a fault of 22 °C in service: the limits of a
+/// step are those of the log without these samples.
+#[test]
+fn wrong_first_samples_of_the_logs_let_no_step_pass() {
+    let limits = |is_wrong: bool| {
+        let log = |seed: u64| {
+            let mut log =
+                Bench { cycles: 1, thermometer_step_c: 0.0625, ..Bench::new(seed, &crate::hostile::usual) }.log();
+            log.rows.iter_mut().take(2).filter(|_| is_wrong).for_each(|row| row[1] = 85.0);
+            log
+        };
+        let unit = fit(vec![log(1), log(2)], &Bench::setup(), "bias 3, rate 0").unwrap();
+        let main = &unit.axes[0].correction.inputs[0];
+        (
+            main.max_step,
+            main.max_rate_per_s,
+            encode(&unit, &unit.axes[0], [0; 32], 1).unwrap().inputs()[0].largest_step_q8,
+        )
+    };
+    let ((step_c, rate_cps, _), (wrong_step_c, wrong_rate_cps, of_image)) = (limits(false), limits(true));
+    // Four steps of the thermometer, and three times 1 °C/min.
+    assert_eq!((step_c, wrong_step_c), (0.25, 0.25));
+    assert!((wrong_rate_cps / rate_cps - 1.0).abs() < 0.05 && rate_cps < 0.06, "{rate_cps} {wrong_rate_cps}");
+    assert!(of_image <= 2 * 256, "{of_image}");
+}
