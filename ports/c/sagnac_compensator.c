@@ -30,7 +30,7 @@
 #define CRC_LENGTH 4U
 /* Where the lag of a warm-up begins: -1 degC. */
 #define WARM_UP_START_Q46 (-(int64_t)70368744177664)
-/* Updates for which a step must stay before it is a value; updates from the first value on in which a step leaves no doubt; updates for
+/* Updates for which a step must stay before it is a value; updates from the first value on in which a step is not held open; updates for
  * which a reach grows; and 2^3 of the longest hold after which a filter goes on is tau. */
 #define STEADY_UPDATES 3U
 #define START_UPDATES 6U
@@ -190,27 +190,27 @@ static uint64_t reach(const sagnac_input *spec, uint32_t updates)
     return ((uint64_t)spec->largest_step_q8 * (uint64_t)65536U) + grown;
 }
 
-/* A value that jumped from the last one is nearer to the one before the doubt, and within reach of it. */
+/* A value that jumped from the last one is nearer to the one before the open step, and within reach of it. */
 static uint32_t has_returned(const sagnac_input *spec, const sagnac_input_state *memory, int32_t t_q24)
 {
     const uint32_t from_before = distance(t_q24, memory->before_q24);
-    return ((memory->doubted_updates > 0U) && (from_before < distance(t_q24, memory->last_q24)) &&
-            ((uint64_t)from_before <= reach(spec, memory->doubted_updates)))
+    return ((memory->open_updates > 0U) && (from_before < distance(t_q24, memory->last_q24)) &&
+            ((uint64_t)from_before <= reach(spec, memory->open_updates)))
                ? SAGNAC_YES
                : SAGNAC_NO;
 }
 
-/* After a step the input is in doubt, until it jumps back to within reach of its value before. */
+/* A step stays open until the input is back: until it jumps back to within reach of its value before. */
 /* SAG-CORE-028 */
-static void doubt_step(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24)
+static void open_step(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24)
 {
     if (spec->step_growth == 0U) {
-        /* A step leaves no doubt. */
+        /* A step is not held open. */
     } else if (has_returned(spec, memory, t_q24) != 0U) {
-        memory->doubted_updates = 0U;
-    } else if ((memory->doubted_updates == 0U) && (memory->settled_updates >= START_UPDATES)) {
+        memory->open_updates = 0U;
+    } else if ((memory->open_updates == 0U) && (memory->settled_updates >= START_UPDATES)) {
         memory->before_q24 = memory->last_q24;
-        memory->doubted_updates = 1U;
+        memory->open_updates = 1U;
     } else {
         /* The first samples after power-on are often wrong. */
     }
@@ -227,7 +227,7 @@ static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory
     uint32_t accepted = 0U;
     if ((largest == 0U) || (memory->has_last == 0U) || ((uint64_t)moved <= reach(spec, unread))) {
         if ((largest != 0U) && (memory->has_last != 0U) && (moved > largest) && (has_returned(spec, memory, t_q24) != 0U)) {
-            memory->doubted_updates = 0U;
+            memory->open_updates = 0U;
         }
         memory->steady_updates = 0U;
         accepted = 1U;
@@ -239,7 +239,7 @@ static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory
         if (memory->steady_updates >= STEADY_UPDATES) {
             memory->steady_updates = 0U;
             accepted = 2U;
-            doubt_step(spec, memory, t_q24);
+            open_step(spec, memory, t_q24);
         }
     }
     return accepted;
@@ -297,8 +297,8 @@ static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory,
         memory->last_q24 = t_q24;
         memory->has_last = 1U;
         memory->settled_updates = one_more(memory->settled_updates);
-        if (memory->doubted_updates > 0U) {
-            memory->doubted_updates = one_more(memory->doubted_updates);
+        if (memory->open_updates > 0U) {
+            memory->open_updates = one_more(memory->open_updates);
         }
         step_lag(spec, memory, t_q24, &now);
         if (fresh != 0U) {
@@ -353,14 +353,14 @@ static uint32_t is_settling(const sagnac_input *spec, const sagnac_input_state *
     return ((spec->settling_updates > 0U) && (memory->settled_updates <= spec->settling_updates)) ? SAGNAC_YES : SAGNAC_NO;
 }
 
-/* Nothing shows yet that the first value was right, or a step has left a doubt. */
-static uint32_t is_doubted(const sagnac_input *spec, const sagnac_input_state *memory)
+/* Nothing shows yet that the first value was right, or a step is open. */
+static uint32_t is_open(const sagnac_input *spec, const sagnac_input_state *memory)
 {
-    uint32_t doubted = 0U;
+    uint32_t open = 0U;
     if (spec->step_growth > 0U) {
-        doubted = ((memory->settled_updates <= START_UPDATES) || (memory->doubted_updates > 0U)) ? SAGNAC_YES : SAGNAC_NO;
+        open = ((memory->settled_updates <= START_UPDATES) || (memory->open_updates > 0U)) ? SAGNAC_YES : SAGNAC_NO;
     }
-    return doubted;
+    return open;
 }
 
 /* An input that input i is derived from took a step. */
@@ -410,7 +410,7 @@ static void input_slice(const sagnac_image *image, sagnac_slow_update *update, u
     if (scaled->y_clamped != 0U) {
         update->status |= SAGNAC_RATE_OUT_OF_SPAN;
     }
-    if ((is_doubted(spec, memory) != 0U) || (is_settling(spec, memory) != 0U)) {
+    if ((is_open(spec, memory) != 0U) || (is_settling(spec, memory) != 0U)) {
         update->status |= SAGNAC_SETTLING;
     }
     gyro_chebyshev(scaled->x_q47, update->basis[i]);
@@ -561,7 +561,7 @@ void sagnac_compensator_start(sagnac_compensator_state *state)
         state->inputs[i].held_updates = 0U;
         state->inputs[i].settled_updates = 0U;
         state->inputs[i].before_q24 = 0;
-        state->inputs[i].doubted_updates = 0U;
+        state->inputs[i].open_updates = 0U;
     }
 }
 

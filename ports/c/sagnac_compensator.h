@@ -132,7 +132,7 @@ typedef struct {
     uint32_t settling_updates;
     /* Largest step that is a value at once, 2^-8 degC; 0 for any. */
     uint32_t largest_step_q8;
-    /* Each update without a value adds largest_step_q8 * 2^step_growth to it, 2^-24 degC; 0: nothing, and a step leaves no doubt. */
+    /* Each update without a value adds largest_step_q8 * 2^step_growth to it, 2^-24 degC; 0: nothing, and no step is held open. */
     uint32_t step_growth;
 } sagnac_input;
 
@@ -176,7 +176,7 @@ typedef struct {
     uint32_t held_updates;
     uint32_t settled_updates;
     int32_t before_q24;
-    uint32_t doubted_updates;
+    uint32_t open_updates;
 } sagnac_input_state;
 
 /* Memory of one compensator. Read it freely; change it only through the functions. */

@@ -27,7 +27,7 @@ pub const LONGEST_PAUSE_TICKS: u32 = 1 << 20;
 
 /// How the processor came to begin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Start {
+pub enum StartCause {
     /// The power was off: a warm-up begins.
     PowerOn,
     /// A watchdog, a command or a dip of the supply: the gyro stayed warm.
@@ -95,7 +95,7 @@ impl Board {
     /// A board that begins. `levels` are the A/B levels at this moment; the first step counts from them.
     /// A dithered gyro has a stripper.
     pub fn new(
-        start: Start,
+        start: StartCause,
         image: Image,
         origin: Origin,
         loops: &LoopTable,
@@ -107,9 +107,9 @@ impl Board {
         counter.update(&mut count_state, levels.0, levels.1);
         let gyro = Compensator::new(image);
         let state = match start {
-            Start::PowerOn => State::new(),
-            Start::Reset { since_power_on_s: None } => State::warm(),
-            Start::Reset { since_power_on_s: Some(seconds) } => gyro.state_after(updates_in(&image, seconds)),
+            StartCause::PowerOn => State::new(),
+            StartCause::Reset { since_power_on_s: None } => State::warm(),
+            StartCause::Reset { since_power_on_s: Some(seconds) } => gyro.state_after(updates_in(&image, seconds)),
         };
         Self {
             gyro,
@@ -408,7 +408,7 @@ mod tests {
         let head = words.head().unwrap();
         let loops = LoopTable::decode(words.table(&head, &mut room).unwrap()).unwrap();
         let image = Image::decode(include_bytes!("../../../testdata/image/paper.img")).unwrap();
-        Board::new(Start::PowerOn, image, Origin::Newest, &loops, (false, false), None)
+        Board::new(StartCause::PowerOn, image, Origin::Newest, &loops, (false, false), None)
     }
 
     fn frame(board: &mut Board) -> OutputFrame {

@@ -8,7 +8,7 @@ use embedded_storage::nor_flash::NorFlash;
 use sagnac_core::{Banks, Gyro, Loaded, NoKey, Trust};
 use sagnac_loops::{LoopTable, Stripper};
 
-use crate::board::{ActuatorCodes, Board, Start};
+use crate::board::{ActuatorCodes, Board, StartCause};
 use crate::frame::{Frame, FrameReader};
 use crate::message::{Message, OutputFrame, POWER_ON, Reply, ReplyCode, RigSettings, Row};
 use crate::rig::Rig;
@@ -99,7 +99,8 @@ impl<F: NorFlash, T: Trust> CommandHandler<F, T> {
         self.upload.power_on();
         let loaded = self.banks.start(&self.gyro);
         let dithered = (settings.dither_counts > 0).then(|| Stripper::new(LONGEST_DITHER_TICKS, LEAST_SWING));
-        let mut board = Board::new(Start::PowerOn, loaded.image, loaded.origin, &self.loops, Rig::LEVELS, dithered);
+        let mut board =
+            Board::new(StartCause::PowerOn, loaded.image, loaded.origin, &self.loops, Rig::LEVELS, dithered);
         board.use_loaded(&loaded);
         let reply = Reply::new(POWER_ON, ReplyCode::Done, &loaded);
         (TickHandler { board, rig: Rig::new(settings), actuators: ActuatorCodes::default() }, reply)

@@ -38,7 +38,7 @@ mod message;
 mod rig;
 mod upload;
 
-pub use board::{ActuatorCodes, Board, FRAME_TICKS, LONGEST_PAUSE_TICKS, Sample, Start};
+pub use board::{ActuatorCodes, Board, FRAME_TICKS, LONGEST_PAUSE_TICKS, Sample, StartCause};
 #[cfg(feature = "rig")]
 pub use handler::{Action, CommandHandler, TickHandler, run};
 pub use hardware::{Axis, Converters, FringeCounter, PwmOutput, SpiDac, TickClock};

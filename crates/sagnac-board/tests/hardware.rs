@@ -13,7 +13,7 @@ use proptest::prelude::*;
 use sagnac_board::frame::{Frame, FrameReader};
 use sagnac_board::{
     ActuatorCodes, Axis, Board, Commit, Converters, FringeCounter, LONGEST_PAUSE_TICKS, Line, MemoryFlash, Message,
-    OutputFrame, Piece, PwmOutput, Sample, SpiDac, Start, TickClock,
+    OutputFrame, Piece, PwmOutput, Sample, SpiDac, StartCause, TickClock,
 };
 use sagnac_core::{BankReport, Banks, Description, Gyro, Image, Loaded, MAX_IMAGE_LEN, NoKey, Origin, Status};
 use sagnac_loops::Stripper;
@@ -56,7 +56,7 @@ impl Converters for Analogue {
 }
 
 fn board(stripper: Option<Stripper>) -> Board {
-    Board::new(Start::PowerOn, Image::decode(PAPER).unwrap(), Origin::Newest, &loops(), (false, false), stripper)
+    Board::new(StartCause::PowerOn, Image::decode(PAPER).unwrap(), Origin::Newest, &loops(), (false, false), stripper)
 }
 
 /// Runs `calls` interrupts, each after so many ticks of so many counts; the sums of the frames and the bits they had.
@@ -183,7 +183,7 @@ fn memory_that_differs_from_flash_is_mended() {
     let turned_over = Image::new(Description { sequence: 1 << 20, ..*image.description() }).unwrap();
     let sample = Sample { codes: [Some(20 << 24), None, None, None], ..Sample::default() };
     let frame = |board: &mut Board| (0..100).find_map(|_| board.tick_counts(1, 0, &sample).1).unwrap();
-    let mut board = Board::new(Start::PowerOn, turned_over, Origin::Newest, &loops(), (false, false), None);
+    let mut board = Board::new(StartCause::PowerOn, turned_over, Origin::Newest, &loops(), (false, false), None);
     assert_eq!(frame(&mut board).status, Status::OK);
     board.mend(&what_flash_holds(image), &loops());
     assert_eq!(frame(&mut board).status, Status::UPSET);
@@ -316,7 +316,7 @@ fn an_image_arrives_over_the_line() {
     assert_eq!(loaded.origin, Origin::FactoryDefaults);
     assert!(matches!(port.said()[..], [Message::Reply(reply)] if reply.sequence == 0));
     assert!(!line.poll(|_| panic!("nothing arrived")).unwrap());
-    let mut board = Board::new(Start::PowerOn, loaded.image, loaded.origin, &loops(), (false, false), None);
+    let mut board = Board::new(StartCause::PowerOn, loaded.image, loaded.origin, &loops(), (false, false), None);
     let mut bytes = [0; MAX_IMAGE_LEN];
     let len = image.encode(&mut bytes).unwrap();
     for (at, piece) in bytes[..len].chunks(60).enumerate() {

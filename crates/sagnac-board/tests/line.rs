@@ -5,7 +5,7 @@ use proptest::prelude::*;
 use sagnac_board::frame::{Frame, FrameReader, MAX_PAYLOAD};
 use sagnac_board::{
     Board, CommandHandler, Commit, FRAME_TICKS, MemoryFlash, Message, OUTPUT_LEN, OutputFrame, Piece, Reply, ReplyCode,
-    RigSettings, Row, Sample, Start, run,
+    RigSettings, Row, Sample, StartCause, run,
 };
 use sagnac_core::{BankReport, Banks, Description, Gyro, Image, Loaded, Origin, Status, WatchSpec};
 use sagnac_loops::Stripper;
@@ -254,7 +254,7 @@ fn on_board(
     ticks: impl Iterator<Item = (Vec<u8>, Sample)>,
 ) -> Vec<OutputFrame> {
     let image = Image::decode(PAPER).unwrap();
-    let mut board = Board::new(Start::PowerOn, image, origin, &loops(), (false, false), stripper);
+    let mut board = Board::new(StartCause::PowerOn, image, origin, &loops(), (false, false), stripper);
     let levels = |quarter: u8| (matches!(quarter & 3, 1 | 2), matches!(quarter & 3, 2 | 3));
     ticks.filter_map(|(quarters, sample)| board.tick(quarters.into_iter().map(levels), &sample).1).collect()
 }
@@ -312,7 +312,7 @@ fn a_stuck_thermometer_is_in_the_status() {
     let mut two = Description { input_count: 2, period_ticks: 10, slew_ticks: 0, ..paper };
     two.inputs[1] = two.inputs[0];
     let image = Image::new(two).unwrap();
-    let mut board = Board::new(Start::PowerOn, image, Origin::Newest, &loops(), (false, false), None);
+    let mut board = Board::new(StartCause::PowerOn, image, Origin::Newest, &loops(), (false, false), None);
     board.watch_thermometers(WatchSpec { shows: 2 << 24, still: 1 << 22, command_shows: 0 }, false);
     let mut frames = Vec::new();
     for tick in 0..60_000 {

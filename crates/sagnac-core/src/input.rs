@@ -34,9 +34,9 @@
 //! is no rate. The status is SETTLING again until the settling time has passed. After a shorter hold the rate is wrong by less than 1 % of
 //! itself (½(hold/τ)²).
 //!
-//! After a step that no temperature makes, one of both readings is wrong, and nothing shows which. An input with growth is in doubt from
-//! then on, and the status SETTLING, until it jumps back, nearer to its value before and within reach of it. The first samples after power-on are often
-//! wrong: the status is SETTLING for [`START_UPDATES`] from the first value on, and a step within them leaves no doubt.
+//! After a step that no temperature makes, one of both readings is wrong, and nothing shows which. With growth such a step stays open,
+//! and the status SETTLING, until the input jumps back, nearer to its value before and within reach of it. The first samples after
+//! power-on are often wrong: the status is SETTLING for [`START_UPDATES`] from the first value on, and a step within them is not held open.
 
 use crate::checksum::Checksum;
 use crate::rounding::round_shift;
@@ -44,7 +44,7 @@ use crate::series::{ONE_Q31, ONE_Q47};
 
 /// Updates for which a step must stay before it is a value.
 pub const STEADY_UPDATES: u8 = 3;
-/// Updates from the first value on in which a step leaves no doubt.
+/// Updates from the first value on in which a step is not held open.
 const START_UPDATES: u32 = 6;
 /// Updates for which a reach grows.
 const MOST_GROWTH: u32 = 0xffff;
@@ -144,8 +144,8 @@ pub struct InputSpec {
     pub settling_updates: u32,
     /// Largest step between two updates that is a value at once, 2⁻⁸ °C; 0 for any step.
     pub largest_step_q8: u16,
-    /// Each update without a value adds `largest_step_q8 · 2^step_growth` to it, 2⁻²⁴ °C; at most 16. 0: nothing is added, and a step leaves
-    /// no doubt.
+    /// Each update without a value adds `largest_step_q8 · 2^step_growth` to it, 2⁻²⁴ °C; at most 16. 0: nothing is added, and no step
+    /// is held open.
     pub step_growth: u8,
 }
 
@@ -241,9 +241,9 @@ pub(crate) struct InputState {
     steady_updates: u8,
     pub(crate) held_updates: u32,
     pub(crate) settled_updates: u32,
-    /// The value before a step that leaves a doubt, and for how many updates it has; 0 without.
+    /// The value before an open step, and for how many updates it has been open; 0 without.
     before_q24: i32,
-    pub(crate) doubted_updates: u32,
+    pub(crate) open_updates: u32,
 }
 
 /// One input at one slow update, scaled for the terms.
@@ -266,7 +266,7 @@ impl InputState {
             held_updates: 0,
             settled_updates: 0,
             before_q24: 0,
-            doubted_updates: 0,
+            open_updates: 0,
         }
     }
 
@@ -284,7 +284,7 @@ impl InputState {
             .word(self.held_updates)
             .word(self.settled_updates)
             .word(self.before_q24.cast_unsigned())
-            .word(self.doubted_updates)
+            .word(self.open_updates)
     }
 
     /// This input with each one of its bits turned over.
@@ -299,7 +299,7 @@ impl InputState {
                 Self { held_updates: self.held_updates ^ 1 << bit, ..*self },
                 Self { settled_updates: self.settled_updates ^ 1 << bit, ..*self },
                 Self { before_q24: self.before_q24 ^ 1 << bit, ..*self },
-                Self { doubted_updates: self.doubted_updates ^ 1 << bit, ..*self },
+                Self { open_updates: self.open_updates ^ 1 << bit, ..*self },
                 Self { last_q24: Some(self.last_q24.unwrap_or(0) ^ 1 << bit), ..*self },
             ]
         });
@@ -345,7 +345,7 @@ impl InputState {
         };
         self.last_q24 = Some(t);
         self.settled_updates = self.settled_updates.saturating_add(1);
-        self.doubted_updates = self.doubted_updates.saturating_add(u32::from(self.doubted_updates > 0));
+        self.open_updates = self.open_updates.saturating_add(u32::from(self.open_updates > 0));
         let (y_q31, y_clamped) = self.step(&spec.lag, t);
         if fresh.is_none() {
             self.held_updates = self.held_updates.saturating_add(1);
@@ -366,7 +366,7 @@ impl InputState {
         let moved = t.abs_diff(last);
         if largest == 0 || moved <= spec.reach_q24(unread) {
             if moved > largest && self.has_returned(spec, t, last) {
-                self.doubted_updates = 0;
+                self.open_updates = 0;
             }
             self.steady_updates = 0;
             return (fresh, false);
@@ -379,30 +379,28 @@ impl InputState {
         }
         self.steady_updates = 0;
         if spec.step_growth > 0 {
-            self.doubt(spec, t, last);
+            self.leave_open(spec, t, last);
         }
         (fresh, true)
     }
 
-    /// A value that jumped from the last one is nearer to the one before the doubt, and within reach of it.
+    /// A value that jumped from the last one is nearer to the one before the open step, and within reach of it.
     fn has_returned(&self, spec: &InputSpec, t: i32, last: i32) -> bool {
         let from_before = t.abs_diff(self.before_q24);
-        self.doubted_updates > 0
-            && from_before < t.abs_diff(last)
-            && from_before <= spec.reach_q24(self.doubted_updates)
+        self.open_updates > 0 && from_before < t.abs_diff(last) && from_before <= spec.reach_q24(self.open_updates)
     }
 
-    /// Nothing shows yet that the first value was right, or a step has left a doubt.
-    pub(crate) const fn is_doubted(&self, spec: &InputSpec) -> bool {
-        spec.step_growth > 0 && (self.settled_updates <= START_UPDATES || self.doubted_updates > 0)
+    /// Nothing shows yet that the first value was right, or a step is open.
+    pub(crate) const fn is_open(&self, spec: &InputSpec) -> bool {
+        spec.step_growth > 0 && (self.settled_updates <= START_UPDATES || self.open_updates > 0)
     }
 
     /// **SAG-CORE-028** After a step SETTLING stands until the input steps back to within reach of its value before.
-    fn doubt(&mut self, spec: &InputSpec, t: i32, last: i32) {
+    fn leave_open(&mut self, spec: &InputSpec, t: i32, last: i32) {
         if self.has_returned(spec, t, last) {
-            self.doubted_updates = 0;
-        } else if self.doubted_updates == 0 && self.settled_updates >= START_UPDATES {
-            (self.before_q24, self.doubted_updates) = (last, 1);
+            self.open_updates = 0;
+        } else if self.open_updates == 0 && self.settled_updates >= START_UPDATES {
+            (self.before_q24, self.open_updates) = (last, 1);
         }
     }
 

@@ -147,7 +147,7 @@ impl Reading {
             }
         }
         let settles = spec.settling_updates > 0 && memory.settled_updates <= spec.settling_updates;
-        if settles || memory.is_doubted(spec) {
+        if settles || memory.is_open(spec) {
             self.status |= Status::SETTLING;
         }
     }

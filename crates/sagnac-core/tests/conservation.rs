@@ -543,7 +543,7 @@ fn a_step_restarts_what_is_derived_from_it() {
 /// After a step that no temperature makes, one of two readings is wrong: SETTLING until the input steps back, however long that is.
 /// SAG-CORE-028
 #[test]
-fn a_step_leaves_a_doubt_until_it_steps_back() {
+fn a_step_stays_open_until_it_steps_back() {
     let mut d = *image(&[term(Kind::Bias, 1, Multiplier::One, 1 << 30, 30)], 1, 0).description();
     // 1 °C, and 1/256 °C for each update without a value; no lag, so nothing settles.
     d.inputs[0] = InputSpec {

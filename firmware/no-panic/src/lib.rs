@@ -12,8 +12,8 @@ use embedded_hal::pwm::SetDutyCycle;
 use embedded_hal::spi::{Operation, SpiDevice};
 use embedded_io::{Read, ReadReady, Write as _};
 use sagnac_board::{
-    Action, ActuatorCodes, Axis, Board, Start, CommandHandler, Converters, FringeCounter, Line, MemoryFlash, Message,
-    PwmOutput, Sample, SpiDac, TickClock, run,
+    Action, ActuatorCodes, Axis, Board, CommandHandler, Converters, FringeCounter, Line, MemoryFlash, Message,
+    PwmOutput, Sample, SpiDac, StartCause, TickClock, run,
 };
 use sagnac_core::{
     Banks, Compensator, Description, Gyro, Image, MAX_IMAGE_LEN, State, Status, Trust, Trusted, Watch, WatchSpec, vote,
@@ -297,7 +297,7 @@ pub extern "C" fn sagnac_hardware_everything(input: &[u8; TABLE_LEN], gyro: &Gyr
     let Some(banks) = Banks::new(black_box(MemoryFlash::new()), 0, black_box(MemoryFlash::BANK)) else { return -1 };
     let Ok(table) = LoopTable::decode(black_box(input)) else { return -2 };
     let Ok((mut line, loaded)) = Line::power_on(Unknown, banks, *gyro, Keyed) else { return -3 };
-    let board = Board::new(Start::PowerOn, loaded.image, loaded.origin, &table, (false, false), None);
+    let board = Board::new(StartCause::PowerOn, loaded.image, loaded.origin, &table, (false, false), None);
     let mut axis = Axis::new(board, Unknown, Unknown, Unknown);
     black_box(axis.converters().sample());
     axis.board().make_up(black_box(70_000));

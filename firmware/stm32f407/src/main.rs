@@ -26,7 +26,7 @@ use cortex_m::interrupt::{Mutex, free};
 use cortex_m::peripheral::{NVIC, SCB};
 use cortex_m_rt::{entry, exception};
 use heapless::Deque;
-use sagnac_board::{Axis, Board, Line, OutputFrame, Start};
+use sagnac_board::{Axis, Board, Line, OutputFrame, StartCause};
 use sagnac_core::{Banks, NoKey};
 use sagnac_loops::LoopTable;
 use stm32f4::stm32f407::{IWDG, Interrupt, Peripherals, RCC, TIM4, interrupt};
@@ -107,10 +107,10 @@ fn main() -> ! {
 type BoardLine = Line<Serial, Internal, NoKey>;
 
 /// Power-on or a reset, by the flags of the processor, which are cleared for the next time. No clock of this board runs through a reset.
-fn how_it_began(rcc: &RCC) -> Start {
+fn how_it_began(rcc: &RCC) -> StartCause {
     let began = rcc.csr().read();
     rcc.csr().modify(|_, w| w.rmvf().set_bit());
-    if began.porrstf().bit_is_set() { Start::PowerOn } else { Start::Reset { since_power_on_s: None } }
+    if began.porrstf().bit_is_set() { StartCause::PowerOn } else { StartCause::Reset { since_power_on_s: None } }
 }
 
 /// Everything up to the first tick.

@@ -68,7 +68,7 @@ pub struct Input {
     #[serde(default)]
     pub max_step: f64,
     /// How fast a value may move, its own unit per second: after samples were missing, one farther from the last is a step. After a step the
-    /// status is SETTLING until the input steps back. 0: a step leaves no doubt.
+    /// status is SETTLING until the input steps back. 0: a step is not held open.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub max_rate_per_s: f64,
 }

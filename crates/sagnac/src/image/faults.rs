@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! bound         max(0.1 °/h, 0.05·ΣR)      R the effect of a lag at its largest rate Ṫ: status 0 is never off by more
-//! settling      τ·max(3, ln(2·R·n/bound))  of each of n lags that begins anew: from the fastest cooling to the fastest heating are 2·R
+//! settling      τ·max(3, ln(2·R·n/bound))  of each of n lags that begins again: from the fastest cooling to the fastest heating are 2·R
 //! largest step  max(that of the record, min(½·bound/Σ(R·α/Ṫ), 20 s at the largest rate))   behind a lag a step of δ is a rate of α·δ
 //! ```
 //!

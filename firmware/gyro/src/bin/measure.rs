@@ -12,7 +12,7 @@ use core::hint::black_box;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
-use sagnac_board::{ActuatorCodes, Board, Start, Rig, RigSettings, Row};
+use sagnac_board::{ActuatorCodes, Board, Rig, RigSettings, Row, StartCause};
 use sagnac_core::{Compensator, Description, Image, MAX_IMAGE_LEN, Origin, Output, SlowUpdate, State, Status};
 use sagnac_firmware::{finish, host_file, say, stack, unit_loops};
 use sagnac_loops::Stripper;
@@ -71,7 +71,8 @@ fn main() -> ! {
     let _ = gyro.skip(&mut state, slew_ticks);
     let plain = tick_instructions(&gyro, &state, image.description().period_ticks - slew_ticks, 37);
 
-    let mut board = Board::new(Start::PowerOn, image, Origin::Newest, &loops, Rig::LEVELS, Some(Stripper::new(50, 1 << 23)));
+    let mut board =
+        Board::new(StartCause::PowerOn, image, Origin::Newest, &loops, Rig::LEVELS, Some(Stripper::new(50, 1 << 23)));
     let mut rig = Rig::new(RigSettings { wavelength: 100_000, lamp_gain: 1 << 16, ..RigSettings::default() });
     rig.start_row(Row { ticks: u32::MAX, counts: 0, present: 1, codes: [20 << 24; 4] });
     let (_, sample) = rig.tick(&ActuatorCodes::default());

@@ -187,7 +187,7 @@ pub(super) fn compensator_lags() -> Result<Making> {
     let second = InputSpec {
         offset_q24: -(2 << 24),
         gain: Gain { mantissa: 1_234_567_891, shift: 22 },
-        // Its steps leave no doubt.
+        // Its steps are not held open.
         largest_step_q8: 256,
         ..thermometer([-30, 60])?
     };
@@ -245,13 +245,13 @@ pub(super) fn compensator_lags() -> Result<Making> {
             making.step(5, &[])?;
         }
     }
-    doubts(&mut making)?;
+    open_steps(&mut making)?;
     Ok(making)
 }
 
-/// From power-on: steps of the first thermometer that leave a doubt, each from an update on, 10⁻³ °C: away and back; away, partly back but out of reach, farther,
+/// From power-on: steps of the first thermometer that stay open, each from an update on, 10⁻³ °C: away and back; away, partly back but out of reach, farther,
 /// back; away, and back behind missing samples; a jump within reach behind others; away for longer than the lag settles. The second steps for good.
-fn doubts(making: &mut Making) -> Result<()> {
+fn open_steps(making: &mut Making) -> Result<()> {
     const STEPS: [(u32, i64); 11] = [
         (0, 20_000),
         (40, 23_000),

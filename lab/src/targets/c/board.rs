@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use sagnac_board::{ActuatorCodes, Board, Message, Sample, Start};
+use sagnac_board::{ActuatorCodes, Board, Message, Sample, StartCause};
 use sagnac_core::{BankReport, Description, Image, Loaded, Origin, Status, WatchSpec};
 use sagnac_loops::Stripper;
 
@@ -81,7 +81,7 @@ fn one_board(seed: u32, images: &[Vec<u8>], bytes: &mut Vec<u8>, seen: &mut Stat
     let is_reset = dice.below(2) == 1;
     bytes.push(is_reset.into());
     bytes.extend(since_power_on_s.unwrap_or(u32::MAX).to_le_bytes());
-    let start = if is_reset { Start::Reset { since_power_on_s } } else { Start::PowerOn };
+    let start = if is_reset { StartCause::Reset { since_power_on_s } } else { StartCause::PowerOn };
     let stripper = strips.then(|| Stripper::new(longest, least));
     let mut board = Board::new(start, first.image, first.origin, &loops()?, levels(0), stripper);
     board.use_loaded(&first);
