@@ -11,7 +11,7 @@
  *   O   operation (1), flags (1), steps before the power goes (4), seed of the tear (8), length (2), image;
  *       then what must be: result (1), steps (4), hash of the flash (4), origin (1), trial (1), sequence (4), and for each bank
  *       content (1), store (4)
- * Operations: 0 store, 1 on trial, 2 roll back, 3 confirm, 4 start, 6 a bit of the range that `image` names flips, 7 octets appear at
+ * Operations: 0 store, 1 on trial, 2 roll back, 3 confirm, 4 start after `image[0]` watchdog resets, 6 a bit of the range that `image` names flips, 7 octets appear at
  * the place that it names first. Flags: 1 on the flash that was kept last, 2 keep the flash afterwards.
  */
 #include <stdio.h>
@@ -218,7 +218,7 @@ static uint32_t act(uint32_t operation, uint32_t length)
     case 3:
         return (uint32_t)sagnac_banks_confirm(&banks, &gyro);
     case 4:
-        sagnac_banks_start(&banks, &gyro, &loaded);
+        sagnac_banks_start(&banks, &gyro, (uint32_t)image[0], &loaded);
         return 0U;
     case 6: {
         const uint32_t from = sagnac_read_u16(sagnac_octet_at, image, 0U), to = sagnac_read_u16(sagnac_octet_at, image, 2U);
@@ -256,9 +256,14 @@ static int operate(FILE *file)
     }
     steps = 0U;
     steps_left = cut;
+    (void)sagnac_banks_open(&banks, &flash, 0U, BANK);
     result = act(operation, length);
     steps_left = NEVER;
-    sagnac_banks_load(&banks, &gyro, &loaded);
+    /* A start sets images aside until the next one; a cut ends that too. */
+    if (operation != 4U || cut != NEVER) {
+        (void)sagnac_banks_open(&banks, &flash, 0U, BANK);
+        sagnac_banks_load(&banks, &gyro, &loaded);
+    }
     for (i = 0U; i < ROOM; i++) {
         hash = (hash ^ now.bytes[i]) * UINT32_C(16777619);
     }

@@ -20,6 +20,7 @@
 #include "sagnac_quadrature.h"
 
 static sagnac_board board;
+static sagnac_board_setup setup;
 static sagnac_loaded loaded;
 static sagnac_path_length path;
 static sagnac_intensity light;
@@ -76,25 +77,22 @@ static int read_loaded(FILE *file)
 
 static int new_board(FILE *file)
 {
-    const uint32_t strips = word(file, 1), longest = word(file, 2), least = word(file, 4), watches = word(file, 1);
-    sagnac_watch_spec spec;
-    uint32_t heats;
-    spec.shows = word(file, 4);
-    spec.still = word(file, 4);
-    spec.command_shows = word(file, 4);
-    heats = word(file, 1);
+    setup.path = &path;
+    setup.light = &light;
+    setup.strips = word(file, 1);
+    setup.longest = word(file, 2);
+    setup.least_swing = word(file, 4);
+    setup.watches = word(file, 1);
+    setup.watch_spec.shows = word(file, 4);
+    setup.watch_spec.still = word(file, 4);
+    setup.watch_spec.command_shows = word(file, 4);
+    setup.heats = word(file, 1);
     if (!read_loaded(file)) {
         return 0;
     }
     {
         const sagnac_cause cause = (word(file, 1) != 0U) ? SAGNAC_RESET : SAGNAC_POWER_ON;
-        sagnac_board_start(&board, &loaded, &path, &light, cause, word(file, 4));
-    }
-    if (strips != 0U) {
-        sagnac_board_strip(&board, longest, least);
-    }
-    if (watches != 0U) {
-        sagnac_board_watch(&board, &spec, heats);
+        sagnac_board_start(&board, &loaded, &setup, cause, word(file, 4));
     }
     sagnac_quadrature_start(&counter);
     (void)sagnac_quadrature_update(&counter, SAGNAC_X4, 0U, 0U);
@@ -106,6 +104,15 @@ static void flip(void *object, size_t bit)
 {
     unsigned char *bytes = (unsigned char *)object;
     bytes[bit / 8U] = (unsigned char)(bytes[bit / 8U] ^ (1U << (bit % 8U)));
+}
+
+/* Neither stripping nor a watch. */
+static sagnac_board_setup plain_setup(void)
+{
+    sagnac_board_setup plain = setup;
+    plain.strips = SAGNAC_NO;
+    plain.watches = SAGNAC_NO;
+    return plain;
 }
 
 /* Every bit of an image, turned over, changes its sum if its place is used, and only then. */
@@ -126,11 +133,11 @@ static unsigned long image_upsets(void)
             wrong++;
         }
     }
-    wrong += sagnac_board_is_intact(&board) == 0U;
+    wrong += sagnac_board_is_intact(&board, &setup) == 0U;
     flip(&board.image.terms[0].mantissa, 7U);
-    wrong += sagnac_board_is_intact(&board) != 0U;
-    sagnac_board_mend(&board, &loaded);
-    wrong += sagnac_board_is_intact(&board) == 0U || sagnac_image_sum(&board.image) != sum;
+    wrong += sagnac_board_is_intact(&board, &setup) != 0U;
+    sagnac_board_mend(&board, &loaded, &setup);
+    wrong += sagnac_board_is_intact(&board, &setup) == 0U || sagnac_image_sum(&board.image) != sum;
     return wrong;
 }
 
@@ -166,7 +173,8 @@ static unsigned long state_upsets(void)
         quick.image.period_ticks = 200U;
         quick.image.slew_ticks = 20U;
         quick.image.output_limit = 2147483647U;
-        sagnac_board_start(&steady, &quick, &path, &light, SAGNAC_POWER_ON, 0U);
+        const sagnac_board_setup plain = plain_setup();
+        sagnac_board_start(&steady, &quick, &plain, SAGNAC_POWER_ON, 0U);
         (void)run_quietly(&steady, moments[moment]);
         for (bit = 0; bit < 8U * sizeof(sagnac_compensator_state); bit++) {
             const size_t at = bit / 8U;
@@ -186,7 +194,53 @@ static unsigned long state_upsets(void)
         wrong += (run_quietly(&steady, 1000U) & SAGNAC_UPSET) != 0U;
         /* An image whose period turned over does not hold up a pause. */
         steady.image.period_ticks = 0U;
+        (void)run_quietly(&steady, 1U);
         sagnac_board_make_up(&steady, 1000U);
+    }
+    return wrong;
+}
+
+/* Every bit of the board's own fields, turned over: the comparison finds it, also after what flash holds was used again, and mending ends it. */
+static unsigned long own_upsets(void)
+{
+    static const struct {
+        size_t at;
+        size_t size;
+    } fields[] = {
+#define OWN(field) {offsetof(sagnac_board, field), sizeof board.field}
+        OWN(setup.path),   OWN(setup.light),      OWN(setup.strips),        OWN(setup.longest),
+        OWN(setup.watches), OWN(setup.heats),     OWN(setup.watch_spec),    OWN(setup.least_swing),
+        OWN(trial),         OWN(stripper.longest), OWN(stripper.least_swing), OWN(image_sum),
+#undef OWN
+    };
+    unsigned long wrong = 0;
+    size_t field, bit;
+    for (field = 0; field < sizeof fields / sizeof fields[0]; field++) {
+        for (bit = 0; bit < 8U * fields[field].size; bit++) {
+            static sagnac_board upset;
+            upset = board;
+            flip(&upset, 8U * fields[field].at + bit);
+            /* The trial is a yes or a no: only that is used. */
+            if (upset.trial != board.trial && (upset.trial != 0U) == (board.trial != 0U)) {
+                continue;
+            }
+            wrong += sagnac_board_is_intact(&upset, &setup) != 0U;
+            sagnac_board_use(&upset, &loaded);
+            wrong += sagnac_board_is_intact(&upset, &setup) != 0U;
+            sagnac_board_mend(&upset, &loaded, &setup);
+            wrong += sagnac_board_is_intact(&upset, &setup) == 0U || upset.trial != loaded.trial;
+        }
+    }
+    for (bit = 0; bit < 2U; bit++) {
+        static sagnac_board upset;
+        upset = board;
+        upset.origin = board.origin == SAGNAC_NEWEST ? (bit == 0 ? SAGNAC_ONLY_SURVIVOR : SAGNAC_FACTORY_DEFAULTS) : SAGNAC_NEWEST;
+        wrong += sagnac_board_is_intact(&upset, &setup) != 0U;
+        sagnac_board_mend(&upset, &loaded, &setup);
+        wrong += sagnac_board_is_intact(&upset, &setup) == 0U || upset.origin != loaded.origin;
+    }
+    if (wrong != 0) {
+        printf("own fields: %lu wrong\n", wrong);
     }
     return wrong;
 }
@@ -195,10 +249,12 @@ static unsigned long state_upsets(void)
 static unsigned long limited_upsets(void)
 {
     static sagnac_board limited;
+    sagnac_board_setup plain;
     sagnac_loaded slow = loaded;
     unsigned long wrong = 0;
     slow.image.output_limit = 1U;
-    sagnac_board_start(&limited, &slow, &path, &light, SAGNAC_POWER_ON, 0U);
+    plain = plain_setup();
+    sagnac_board_start(&limited, &slow, &plain, SAGNAC_POWER_ON, 0U);
     wrong += (run_quietly(&limited, 250U) & (SAGNAC_UPSET | SAGNAC_LIMITED)) != SAGNAC_LIMITED;
     limited.state.accumulator = INT64_C(1) << 62;
     limited.state.overflow = 1U;
@@ -276,10 +332,10 @@ int main(int argc, char **argv)
             if (kind == 'U') {
                 sagnac_board_use(&board, &loaded);
             } else if (kind == 'R') {
-                sagnac_board_mend(&board, &loaded);
+                sagnac_board_mend(&board, &loaded, &setup);
             } else if (upsets++ == 0) {
                 const sagnac_board fresh = board;
-                wrong += image_upsets() + state_upsets() + limited_upsets();
+                wrong += image_upsets() + own_upsets() + state_upsets() + limited_upsets();
                 board = fresh;
             }
         } else if (kind == 'M') {

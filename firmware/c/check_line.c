@@ -50,6 +50,7 @@ static sagnac_handled handled;
 static sagnac_path_length path;
 static sagnac_intensity light;
 static sagnac_board board;
+static sagnac_board_setup setup;
 static sagnac_quadrature counter;
 static sagnac_actuators actuators;
 static rig_state rig;
@@ -261,11 +262,14 @@ static void power_on(const settings *with)
     rig.s = *with;
     rig.noise = 1U;
     sagnac_upload_power_on(&upload);
-    sagnac_banks_start(&banks, &gyro, &loaded);
-    sagnac_board_start(&board, &loaded, &path, &light, SAGNAC_POWER_ON, 0U);
-    if (with->dither_counts > 0U) {
-        sagnac_board_strip(&board, LONGEST, LEAST_SWING);
-    }
+    memset(&setup, 0, sizeof setup);
+    setup.path = &path;
+    setup.light = &light;
+    setup.strips = with->dither_counts > 0U ? SAGNAC_YES : SAGNAC_NO;
+    setup.longest = LONGEST;
+    setup.least_swing = LEAST_SWING;
+    sagnac_banks_start(&banks, &gyro, 0U, &loaded);
+    sagnac_board_start(&board, &loaded, &setup, SAGNAC_POWER_ON, 0U);
     sagnac_quadrature_start(&counter);
     (void)sagnac_quadrature_update(&counter, SAGNAC_X4, 0U, 0U);
     sagnac_reply(0U, SAGNAC_REPLY_DONE, &loaded, &reply);

@@ -35,7 +35,7 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let loaded = banks.load(&gyro);
     // A hash of 16 bytes is not met by chance; a fuzzer that learns to is welcome to be looked at.
     assert!(known_image(&loaded), "{loaded:?}");
-    assert!(known_image(&banks.start(&gyro)));
+    assert!(known_image(&banks.start(&gyro, 0)));
     let _ = banks.confirm(&gyro);
     let _ = banks.roll_back(&gyro);
     match banks.store(&gyro, &image(7)) {

@@ -218,6 +218,9 @@ static void bank_inspect(sagnac_banks *banks, uint32_t bank, const sagnac_gyro *
     found->stored = 0U;
     found->sequence = 0U;
     found->trial = SAGNAC_NO;
+    if ((found->content == SAGNAC_BANK_VALID) || (found->content == SAGNAC_BANK_NO_IMAGE)) {
+        found->stored = sagnac_read_u32(sagnac_octet_at, head, 12U);
+    }
     if (found->content == SAGNAC_BANK_VALID) {
         found->mismatch = sagnac_gyro_accept(gyro, &banks->image);
         if (found->mismatch != SAGNAC_MATCHES) {
@@ -225,7 +228,6 @@ static void bank_inspect(sagnac_banks *banks, uint32_t bank, const sagnac_gyro *
         } else {
             uint32_t number = 0U;
             const uint32_t has = bank_newest_note(banks, start + CONFIRM_AT, CONFIRMS, &number);
-            found->stored = sagnac_read_u32(sagnac_octet_at, head, 12U);
             found->sequence = banks->image.sequence;
             if (sagnac_read_u32(sagnac_octet_at, head, 20U) == 1U) {
                 found->trial = ((has != 0U) && (number == found->stored)) ? SAGNAC_NO : SAGNAC_YES;
@@ -241,9 +243,14 @@ static void bank_inspect_both(sagnac_banks *banks, const sagnac_gyro *gyro, sagn
     bank_inspect(banks, 1U, gyro, &found[1]);
     for (i = 0U; i < 2U; i++) {
         const sagnac_bank *other = &found[1U - i];
-        if ((found[i].content == SAGNAC_BANK_VALID) && (other->has_note != 0U) &&
-            (bank_is_newer(found[i].stored, other->note) == 0U)) {
-            found[i].content = SAGNAC_BANK_WITHDRAWN;
+        if (found[i].content == SAGNAC_BANK_VALID) {
+            if ((other->has_note != 0U) && (bank_is_newer(found[i].stored, other->note) == 0U)) {
+                found[i].content = SAGNAC_BANK_WITHDRAWN;
+            } else if (((banks->aside >> i) & 1U) != 0U) {
+                found[i].content = SAGNAC_BANK_SET_ASIDE;
+            } else {
+                /* It may run. */
+            }
         }
     }
 }
@@ -306,6 +313,7 @@ uint32_t sagnac_banks_open(sagnac_banks *banks, const sagnac_flash *flash, uint3
         banks->flash = flash;
         banks->base = base;
         banks->length = length;
+        banks->aside = 0U;
     }
     return fits;
 }
@@ -354,12 +362,34 @@ static sagnac_store_result bank_mark_trial(sagnac_banks *banks, const sagnac_gyr
     return result;
 }
 
-void sagnac_banks_start(sagnac_banks *banks, const sagnac_gyro *gyro, sagnac_loaded *loaded)
+/* Sets the active image aside, and with 2 or more the other one too. */
+/* SAG-CORE-029 */
+static void bank_set_aside(sagnac_banks *banks, const sagnac_gyro *gyro, uint32_t images)
 {
-    const sagnac_store_result marked = bank_mark_trial(banks, gyro, STARTS_AT, SAGNAC_TRIAL_STARTS);
+    uint32_t i;
+    for (i = 0U; (i < images) && (i < 2U); i++) {
+        sagnac_bank found[2];
+        uint32_t active;
+        bank_inspect_both(banks, gyro, found);
+        active = bank_active(found);
+        if (active < 2U) {
+            banks->aside |= (uint32_t)1U << active;
+        }
+    }
+}
+
+void sagnac_banks_start(sagnac_banks *banks, const sagnac_gyro *gyro, uint32_t watchdog_resets, sagnac_loaded *loaded)
+{
+    sagnac_store_result marked;
+    sagnac_store_result rolled = SAGNAC_STORE_NOT_ON_TRIAL;
+    banks->aside = 0U;
+    marked = bank_mark_trial(banks, gyro, STARTS_AT, SAGNAC_TRIAL_STARTS);
     /* All starts are used, or the flash takes no more marks. */
     if ((marked != SAGNAC_STORE_DONE) && (marked != SAGNAC_STORE_NOT_ON_TRIAL)) {
-        (void)sagnac_banks_roll_back(banks, gyro);
+        rolled = sagnac_banks_roll_back(banks, gyro);
+    }
+    if (rolled != SAGNAC_STORE_DONE) {
+        bank_set_aside(banks, gyro, watchdog_resets / SAGNAC_TRIAL_STARTS);
     }
     sagnac_banks_load(banks, gyro, loaded);
 }
@@ -369,12 +399,18 @@ sagnac_store_result sagnac_banks_confirm(sagnac_banks *banks, const sagnac_gyro 
     return bank_mark_trial(banks, gyro, CONFIRM_AT, CONFIRMS);
 }
 
+/* An image for this gyro that is not withdrawn. */
+static uint32_t bank_may_run(const sagnac_bank *found)
+{
+    return ((found->content == SAGNAC_BANK_VALID) || (found->content == SAGNAC_BANK_SET_ASIDE)) ? SAGNAC_YES : SAGNAC_NO;
+}
+
 sagnac_store_result sagnac_banks_roll_back(sagnac_banks *banks, const sagnac_gyro *gyro)
 {
     sagnac_store_result result = SAGNAC_STORE_NO_OLDER_IMAGE;
     sagnac_bank found[2];
     bank_inspect_both(banks, gyro, found);
-    if ((found[0].content == SAGNAC_BANK_VALID) && (found[1].content == SAGNAC_BANK_VALID)) {
+    if ((bank_may_run(&found[0]) != 0U) && (bank_may_run(&found[1]) != 0U)) {
         const uint32_t newer = bank_is_newer(found[1].stored, found[0].stored);
         const uint32_t start = bank_start_of(banks, 1U - newer);
         uint32_t length = 0U;
@@ -435,27 +471,53 @@ static sagnac_store_result bank_write(const sagnac_banks *banks, uint32_t bank, 
     return result;
 }
 
-/* Without an active image: a withdrawn one is overwritten first, one for another gyro last. */
+/* Without an active image a store takes the bank of the lower rank: a withdrawn image first (its note is in the other bank), then what can
+ * never be an image, then what may be one again. */
 static uint32_t bank_rank(const sagnac_bank *found)
 {
     uint32_t rank = 1U;
-    if (found->content == SAGNAC_BANK_WITHDRAWN) {
+    switch (found->content) {
+    case SAGNAC_BANK_WITHDRAWN:
         rank = 0U;
-    }
-    if ((found->content == SAGNAC_BANK_NO_IMAGE) || (found->content == SAGNAC_BANK_MISMATCH)) {
+        break;
+    case SAGNAC_BANK_UNREADABLE:
         rank = 2U;
+        break;
+    case SAGNAC_BANK_NO_IMAGE:
+    case SAGNAC_BANK_MISMATCH:
+    case SAGNAC_BANK_SET_ASIDE:
+        rank = 3U;
+        break;
+    case SAGNAC_BANK_UNCOMMITTED:
+    case SAGNAC_BANK_VALID:
+    case SAGNAC_BANK_DAMAGED:
+    default:
+        rank = 1U;
+        break;
     }
     return rank;
 }
 
-/* The newest number that the banks and their notes have; 0 for none. */
+/* The bank for another image while none is active: of two that may be images again the older. */
+static uint32_t bank_spare(const sagnac_bank found[2])
+{
+    const uint32_t first = bank_rank(&found[0]);
+    const uint32_t second = bank_rank(&found[1]);
+    uint32_t spare = (second < first) ? SAGNAC_YES : SAGNAC_NO;
+    if ((first == second) && (found[0].stored != 0U) && (found[1].stored != 0U)) {
+        spare = bank_is_newer(found[0].stored, found[1].stored);
+    }
+    return spare;
+}
+
+/* The newest number that the banks and their notes have; 0 for none. No store has the number 0. */
 static uint32_t bank_newest_number(const sagnac_bank found[2])
 {
     uint32_t has = SAGNAC_NO;
     uint32_t newest = 0U;
     uint32_t i;
     for (i = 0U; i < 2U; i++) {
-        if ((found[i].content == SAGNAC_BANK_VALID) || (found[i].content == SAGNAC_BANK_WITHDRAWN)) {
+        if (found[i].stored != 0U) {
             bank_keep_newer(&has, &newest, found[i].stored);
         }
         if (found[i].has_note != 0U) {
@@ -465,9 +527,36 @@ static uint32_t bank_newest_number(const sagnac_bank found[2])
     return newest;
 }
 
-/* SAG-CORE-021 */
-sagnac_store_result sagnac_banks_store(sagnac_banks *banks, const sagnac_gyro *gyro, const sagnac_octet *octets, uint32_t length,
-                                       uint32_t trial)
+/* SAGNAC_YES while both banks are unreadable and the flash gives not even a head: it does not answer. */
+static uint32_t bank_is_dark(const sagnac_banks *banks, const sagnac_bank found[2])
+{
+    sagnac_octet unit[SAGNAC_REGION];
+    uint32_t is_dark = SAGNAC_NO;
+    if ((found[0].content == SAGNAC_BANK_UNREADABLE) && (found[1].content == SAGNAC_BANK_UNREADABLE) &&
+        (bank_read_unit(banks, bank_start_of(banks, 0U) + HEAD_AT, unit) == 0U) &&
+        (bank_read_unit(banks, bank_start_of(banks, 1U) + HEAD_AT, unit) == 0U)) {
+        is_dark = SAGNAC_YES;
+    }
+    return is_dark;
+}
+
+/* The active image is on trial over a confirmed one. */
+static uint32_t bank_tries(const sagnac_bank found[2], uint32_t active)
+{
+    uint32_t tries = SAGNAC_NO;
+    if (active < 2U) {
+        const sagnac_bank *other = &found[1U - active];
+        if ((found[active].trial != 0U) && (other->content == SAGNAC_BANK_VALID) && (other->trial == 0U)) {
+            tries = SAGNAC_YES;
+        }
+    }
+    return tries;
+}
+
+/* The bank for an image, and the number of its store. The image is in the room of `banks` then. */
+/* SAG-CORE-030 */
+static sagnac_store_result bank_place_for(sagnac_banks *banks, const sagnac_gyro *gyro, const sagnac_octet *octets, uint32_t length,
+                                          uint32_t *bank, uint32_t *number)
 {
     sagnac_store_result result = SAGNAC_STORE_DONE;
     if (sagnac_image_load(&banks->image, sagnac_octet_at, octets, length) != SAGNAC_IMAGE_OK) {
@@ -480,18 +569,44 @@ sagnac_store_result sagnac_banks_store(sagnac_banks *banks, const sagnac_gyro *g
         uint32_t active;
         bank_inspect_both(banks, gyro, found);
         active = bank_active(found);
-        /* Replies report the factory defaults as 0, so no image has that number. */
-        if (offered <= ((active < 2U) ? found[active].sequence : 0U)) {
+        if (bank_is_dark(banks, found) != 0U) {
+            result = SAGNAC_STORE_FLASH;
+        } else if (bank_tries(found, active) != 0U) {
+            result = SAGNAC_STORE_ON_TRIAL;
+        } else if ((offered == 0U) || ((active < 2U) && (bank_is_newer(offered, found[active].sequence) == 0U))) {
+            /* Replies report the factory defaults as 0, so no image has that number. */
             result = SAGNAC_STORE_NOT_NEWER;
         } else {
-            sagnac_octet head[SAGNAC_REGION];
-            uint32_t target = (bank_rank(&found[1]) < bank_rank(&found[0])) ? SAGNAC_YES : SAGNAC_NO;
+            *bank = bank_spare(found);
             if (active < 2U) {
-                target = 1U - active;
+                *bank = 1U - active;
             }
-            bank_head_unit(bank_next_number(bank_newest_number(found)), length, (trial != 0U) ? SAGNAC_YES : SAGNAC_NO, head);
-            result = bank_write(banks, target, octets, length, head);
+            *number = bank_next_number(bank_newest_number(found));
         }
+    }
+    return result;
+}
+
+sagnac_store_result sagnac_banks_check(sagnac_banks *banks, const sagnac_gyro *gyro, const sagnac_octet *octets, uint32_t length)
+{
+    uint32_t bank = 0U;
+    uint32_t number = 0U;
+    return bank_place_for(banks, gyro, octets, length, &bank, &number);
+}
+
+/* SAG-CORE-021 */
+sagnac_store_result sagnac_banks_store(sagnac_banks *banks, const sagnac_gyro *gyro, const sagnac_octet *octets, uint32_t length,
+                                       uint32_t trial)
+{
+    uint32_t bank = 0U;
+    uint32_t number = 0U;
+    sagnac_store_result result = bank_place_for(banks, gyro, octets, length, &bank, &number);
+    if (result == SAGNAC_STORE_DONE) {
+        sagnac_octet head[SAGNAC_REGION];
+        bank_head_unit(number, length, (trial != 0U) ? SAGNAC_YES : SAGNAC_NO, head);
+        /* Its bank is no longer aside: bit 1 stays for bank 0, bit 0 for bank 1. */
+        banks->aside &= (uint32_t)2U >> bank;
+        result = bank_write(banks, bank, octets, length, head);
     }
     return result;
 }

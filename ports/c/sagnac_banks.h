@@ -5,6 +5,9 @@
  *   load:       the last stored of the banks that are committed, intact, for this gyro and not withdrawn
  *   roll back:  one note in the older bank: the newer image is withdrawn
  *   trial:      start 1, 2, 3, 4: a mark each -> confirm, or start 5 rolls back by itself
+ *   watchdog:   four resets in a row -> the active image is set aside; eight -> the other one too
+ *
+ * A store never erases the only confirmed image, and nothing while neither bank can be read.
  *
  * Step for step the Rust crate sagnac-core; the bytes are those of docs/reference/image-format.md, so that either language reads what
  * the other stored. Power may fail at any step: a load then finds the old image or the new one.
@@ -54,12 +57,13 @@ typedef enum {
     SAGNAC_BANK_DAMAGED = 3,
     SAGNAC_BANK_NO_IMAGE = 4, /* intact octets that are refused as an image */
     SAGNAC_BANK_MISMATCH = 5, /* an intact image for another gyro */
-    SAGNAC_BANK_UNREADABLE = 6
+    SAGNAC_BANK_UNREADABLE = 6,
+    SAGNAC_BANK_SET_ASIDE = 7 /* valid, and running when the watchdog reset the board again and again */
 } sagnac_bank_content;
 
 typedef struct {
     sagnac_bank_content content;
-    uint32_t stored;            /* valid, withdrawn: number of the store that wrote it */
+    uint32_t stored;            /* number of the store that wrote it; 0 where commit word, head and octets are not intact */
     uint32_t sequence;          /* valid: the image's own number */
     sagnac_image_error error;   /* no image: why */
     sagnac_mismatch mismatch;   /* mismatch: which */
@@ -71,7 +75,7 @@ typedef struct {
 /* Where the active image comes from. */
 typedef enum {
     SAGNAC_NEWEST = 0,
-    SAGNAC_ONLY_SURVIVOR = 1, /* the other bank is damaged, for another gyro, or a copy: it may be the older of the two */
+    SAGNAC_ONLY_SURVIVOR = 1, /* the other bank is damaged, set aside, for another gyro, or a copy: it may be the older of the two */
     SAGNAC_FACTORY_DEFAULTS = 2
 } sagnac_origin;
 
@@ -90,12 +94,13 @@ typedef enum {
     SAGNAC_STORE_DONE = 0,
     SAGNAC_STORE_NO_IMAGE = 1,       /* the octets are no image */
     SAGNAC_STORE_MISMATCH = 2,       /* for another gyro, or beyond its limits */
-    SAGNAC_STORE_NOT_NEWER = 3,      /* its sequence number is not above that of the active image */
+    SAGNAC_STORE_NOT_NEWER = 3,      /* its sequence number is not after that of the active image (RFC 1982), or 0 */
     SAGNAC_STORE_NO_OLDER_IMAGE = 4, /* nothing to go back to */
     SAGNAC_STORE_NO_FREE_NOTE = 5,   /* all places for a note are used by attempts that were cut */
     SAGNAC_STORE_NOT_ON_TRIAL = 6,
     SAGNAC_STORE_READ_BACK = 7,      /* worn out or write-protected */
-    SAGNAC_STORE_FLASH = 8           /* the flash reported an error */
+    SAGNAC_STORE_FLASH = 8,          /* the flash reported an error */
+    SAGNAC_STORE_ON_TRIAL = 9        /* the active image is on trial over a confirmed one, which a store would erase */
 } sagnac_store_result;
 
 /* Two banks, and the room to check an image in; keep it in static memory. */
@@ -103,6 +108,7 @@ typedef struct {
     const sagnac_flash *flash;
     uint32_t base;
     uint32_t length;
+    uint32_t aside; /* bit i: bank i is set aside */
     sagnac_image image;
     sagnac_octet area[SAGNAC_IMAGE_AREA];
 } sagnac_banks;
@@ -110,11 +116,16 @@ typedef struct {
 /* Banks at `base` and `base + length`; SAGNAC_NO if they do not fit the flash. */
 uint32_t sagnac_banks_open(sagnac_banks *banks, const sagnac_flash *flash, uint32_t base, uint32_t length);
 
-/* Power-on: counts a start of an image on trial, and loads. */
-void sagnac_banks_start(sagnac_banks *banks, const sagnac_gyro *gyro, sagnac_loaded *loaded);
+/* Power-on or reset: counts a start of an image on trial, and loads. `watchdog_resets`: resets by the watchdog in a row, from memory that a
+ * reset leaves alone; begin again at 0 at power-on and when the board has run for a minute. 0 without such memory: then only an image on
+ * trial goes by itself. */
+void sagnac_banks_start(sagnac_banks *banks, const sagnac_gyro *gyro, uint32_t watchdog_resets, sagnac_loaded *loaded);
 
 /* The active image. Only reads the flash. */
 void sagnac_banks_load(sagnac_banks *banks, const sagnac_gyro *gyro, sagnac_loaded *loaded);
+
+/* What a store of this image would answer before it touches the flash. */
+sagnac_store_result sagnac_banks_check(sagnac_banks *banks, const sagnac_gyro *gyro, const sagnac_octet *octets, uint32_t length);
 
 /* Stores an image of `length` octets in the bank that is not active. With `trial` not 0 it is on trial until it is confirmed. */
 sagnac_store_result sagnac_banks_store(sagnac_banks *banks, const sagnac_gyro *gyro, const sagnac_octet *octets, uint32_t length,

@@ -23,7 +23,7 @@ static void board_take_image(sagnac_board *board, const sagnac_loaded *loaded)
 {
     uint32_t i;
     board->image = loaded->image;
-    board->image_sum = sagnac_image_sum(&board->image);
+    board->image_sum = sagnac_image_sum(&board->image) ^ sagnac_image_code(board->origin, board->trial);
     for (i = 0U; i < SAGNAC_DIGEST; i++) {
         board->digest[i] = loaded->digest[i];
     }
@@ -50,6 +50,7 @@ static void board_seal(sagnac_board *board)
 static void board_begin_anew(sagnac_board *board)
 {
     sagnac_state_restart(&board->state);
+    board->is_pending = SAGNAC_NO;
     board_seal(board);
 }
 
@@ -79,9 +80,24 @@ static uint32_t updates_in(const sagnac_image *image, uint32_t seconds)
     return (updates < (uint64_t)UINT32_MAX) ? (uint32_t)updates : UINT32_MAX;
 }
 
-void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const sagnac_path_length *path,
-                        const sagnac_intensity *light, sagnac_cause cause, uint32_t since_power_on_s)
+/* A setup from its beginning. */
+static void board_set_up(sagnac_board *board, const sagnac_board_setup *setup)
 {
+    board->setup = *setup;
+    sagnac_stripper_start(&board->stripper, setup->longest, setup->least_swing);
+    board->still = 0U;
+    sagnac_watch_start(&board->watch);
+}
+
+void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const sagnac_board_setup *setup, sagnac_cause cause,
+                        uint32_t since_power_on_s)
+{
+    board->is_pending = SAGNAC_NO;
+    board_set_up(board, setup);
+    sagnac_path_length_start(setup->path, &board->path_state);
+    sagnac_intensity_start(setup->light, &board->light_state);
+    board->origin = loaded->origin;
+    board->trial = loaded->trial;
     board_take_image(board, loaded);
     if (cause == SAGNAC_POWER_ON) {
         sagnac_compensator_start(&board->state);
@@ -90,16 +106,6 @@ void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const 
     } else {
         sagnac_compensator_start_after(&board->image, &board->state, updates_in(&board->image, since_power_on_s));
     }
-    board->path = path;
-    sagnac_path_length_start(path, &board->path_state);
-    board->light = light;
-    sagnac_intensity_start(light, &board->light_state);
-    board->strips = SAGNAC_NO;
-    board->origin = loaded->origin;
-    board->trial = loaded->trial;
-    board->watches = SAGNAC_NO;
-    board->heats = SAGNAC_NO;
-    board->still = 0U;
     board->lost_steps = 0U;
     board->frame.number = 0U;
     board->frame.tick = 0U;
@@ -111,26 +117,12 @@ void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const 
     board_seal(board);
 }
 
-void sagnac_board_strip(sagnac_board *board, uint32_t longest, uint32_t least_swing)
-{
-    board->strips = SAGNAC_YES;
-    sagnac_stripper_start(&board->stripper, longest, least_swing);
-}
-
-void sagnac_board_watch(sagnac_board *board, const sagnac_watch_spec *spec, uint32_t heats)
-{
-    board->watches = SAGNAC_YES;
-    board->heats = heats;
-    board->watch_spec = *spec;
-    board->still = 0U;
-    sagnac_watch_start(&board->watch);
-}
-
 /* Goes on with another image. */
 static void board_change_image(sagnac_board *board, const sagnac_loaded *loaded)
 {
     board_take_image(board, loaded);
     sagnac_compensator_migrate_state(&board->image, &board->state);
+    board->is_pending = SAGNAC_NO;
     board_seal(board);
     /* Its inputs may be other thermometers. */
     board->still = 0U;
@@ -142,56 +134,130 @@ void sagnac_board_use(sagnac_board *board, const sagnac_loaded *loaded)
     if (sagnac_are_equal(board->digest, loaded->digest, SAGNAC_DIGEST) == 0U) {
         board_change_image(board, loaded);
     }
+    /* A bit of the old code that turned over stays in the sum. */
+    board->image_sum ^= sagnac_image_code(board->origin, board->trial) ^ sagnac_image_code(loaded->origin, loaded->trial);
     board->origin = loaded->origin;
     board->trial = loaded->trial;
 }
 
-uint32_t sagnac_board_is_intact(const sagnac_board *board)
+/* The board's copy is the setup in flash. */
+static uint32_t board_has(const sagnac_board *board, const sagnac_board_setup *setup)
 {
-    return (sagnac_image_sum(&board->image) == board->image_sum) ? SAGNAC_YES : SAGNAC_NO;
+    const sagnac_board_setup *own = &board->setup;
+    uint32_t has = SAGNAC_YES;
+    if ((own->path != setup->path) || (own->light != setup->light) || (own->strips != setup->strips) ||
+        (own->longest != setup->longest) || (own->least_swing != setup->least_swing)) {
+        has = SAGNAC_NO;
+    }
+    if ((own->watches != setup->watches) || (own->heats != setup->heats) || (own->watch_spec.shows != setup->watch_spec.shows) ||
+        (own->watch_spec.still != setup->watch_spec.still) ||
+        (own->watch_spec.command_shows != setup->watch_spec.command_shows)) {
+        has = SAGNAC_NO;
+    }
+    return has;
 }
 
-void sagnac_board_mend(sagnac_board *board, const sagnac_loaded *loaded)
+/* The stripper's own copies of its two numbers. */
+static uint32_t board_strips_as(const sagnac_board *board, const sagnac_board_setup *setup)
+{
+    sagnac_stripper fresh;
+    sagnac_stripper_start(&fresh, setup->longest, setup->least_swing);
+    return ((board->stripper.longest == fresh.longest) && (board->stripper.least_swing == fresh.least_swing)) ? SAGNAC_YES
+                                                                                                           : SAGNAC_NO;
+}
+
+uint32_t sagnac_board_is_intact(const sagnac_board *board, const sagnac_board_setup *setup)
+{
+    const uint32_t sum = sagnac_image_sum(&board->image) ^ sagnac_image_code(board->origin, board->trial);
+    uint32_t is_intact = SAGNAC_NO;
+    if ((sum == board->image_sum) && (board_has(board, setup) != 0U) && (board_strips_as(board, setup) != 0U)) {
+        is_intact = SAGNAC_YES;
+    }
+    return is_intact;
+}
+
+void sagnac_board_mend(sagnac_board *board, const sagnac_loaded *loaded, const sagnac_board_setup *setup)
 {
     if (sagnac_image_sum(&board->image) != sagnac_image_sum(&loaded->image)) {
         board_change_image(board, loaded);
     }
-    board->image_sum = sagnac_image_sum(&board->image);
     board->origin = loaded->origin;
     board->trial = loaded->trial;
+    board->image_sum = sagnac_image_sum(&board->image) ^ sagnac_image_code(board->origin, board->trial);
+    if ((board_has(board, setup) == 0U) || (board_strips_as(board, setup) == 0U)) {
+        board_set_up(board, setup);
+    }
     board->frame.status |= SAGNAC_UPSET;
 }
 
 /* The image's thermometers, 2^-24 degC: inputs with a code of their own in degC. */
-static uint32_t board_temperatures(const sagnac_board *board, const sagnac_sample *sample, int32_t values[SAGNAC_MAX_WATCHED])
+static uint32_t board_temperatures(const sagnac_board *board, const int32_t codes[SAGNAC_MAX_INPUTS], uint32_t present,
+                                   int32_t values[SAGNAC_MAX_WATCHED])
 {
-    uint32_t present = 0U;
+    uint32_t are_present = 0U;
     uint32_t i;
     for (i = 0U; i < SAGNAC_MAX_WATCHED; i++) {
         values[i] = 0;
-        if ((i < board->image.input_count) && (((sample->present >> i) & 1U) != 0U)) {
+        if ((i < board->image.input_count) && (((present >> i) & 1U) != 0U)) {
             const sagnac_input *input = &board->image.inputs[i];
             if ((input->source == SAGNAC_CODE) && (input->unit_exponent == 0) &&
-                (sagnac_input_value(input, sample->codes[i], &values[i]) != 0U)) {
-                present |= (uint32_t)1U << i;
+                (sagnac_input_value(input, codes[i], &values[i]) != 0U)) {
+                are_present |= (uint32_t)1U << i;
             }
         }
     }
-    return present;
+    return are_present;
 }
 
+/* The slices of this tick, of the update that is due next. */
+static void board_make_slices(sagnac_board *board, const sagnac_sample *sample)
+{
+    const uint32_t slices = board->image.input_count + board->image.term_count;
+    const uint32_t period = board->image.period_ticks;
+    const uint32_t left = board->state.ticks_to_update;
+    uint32_t of_tick = 1U;
+    if ((period < slices) && (period > 0U)) {
+        of_tick += slices / period;
+    }
+    if ((board->is_pending == 0U) && (left > 0U) && (left <= slices)) {
+        if (sagnac_state_sum(&board->state) == board->state_sum) {
+            sagnac_compensator_begin_update(&board->image, &board->state, sample->codes, sample->present, &board->pending);
+            board->is_pending = SAGNAC_YES;
+        } else {
+            board_begin_anew(board);
+            board->frame.status |= SAGNAC_UPSET;
+        }
+    }
+    if (board->is_pending != 0U) {
+        uint32_t i;
+        for (i = 0U; i < of_tick; i++) {
+            (void)sagnac_compensator_advance_update(&board->image, &board->pending);
+        }
+    }
+}
+
+/* Puts the update in force that is due now: the one in slices, or a whole one with these codes. */
 static void board_slow_update(sagnac_board *board, const sagnac_sample *sample)
 {
-    /* It is due. */
-    (void)sagnac_compensator_update(&board->image, &board->state, sample->codes, sample->present);
+    const int32_t *codes = sample->codes;
+    uint32_t present = sample->present;
+    if (board->is_pending != 0U) {
+        codes = board->pending.codes;
+        present = board->pending.present;
+        board->is_pending = SAGNAC_NO;
+        (void)sagnac_compensator_apply_update(&board->image, &board->state, &board->pending);
+    } else {
+        /* It is due. */
+        (void)sagnac_compensator_update(&board->image, &board->state, codes, present);
+    }
     board_seal(board);
-    board->frame.has_temperature = sample->present & 1U;
-    board->frame.temperature = (board->frame.has_temperature != 0U) ? sample->codes[0] : 0;
-    if (board->watches != 0U) {
+    board->frame.has_temperature = present & 1U;
+    board->frame.temperature = (board->frame.has_temperature != 0U) ? codes[0] : 0;
+    if (board->setup.watches != 0U) {
         int32_t values[SAGNAC_MAX_WATCHED];
-        const uint32_t present = board_temperatures(board, sample, values);
-        board->still =
-            sagnac_watch_update(&board->watch_spec, &board->watch, values, present, board->heats, board->path_state.held);
+        const uint32_t are_present = board_temperatures(board, codes, present, values);
+        board->still = sagnac_watch_update(&board->setup.watch_spec, &board->watch, values, are_present, board->setup.heats,
+                                           board->path_state.held);
     }
 }
 
@@ -203,7 +269,7 @@ static int64_t board_counted(sagnac_board *board, int32_t counts, uint32_t lost_
         board->lost_steps = lost_steps;
         board->frame.status |= SAGNAC_COUNTS_LOST;
     }
-    if (board->strips != 0U) {
+    if (board->setup.strips != 0U) {
         sagnac_stripped stripped;
         counted = 0;
         if (sagnac_stripper_update(&board->stripper, counts, pickoff, &stripped) != 0U) {
@@ -239,8 +305,8 @@ static void board_loops(sagnac_board *board, int32_t light, sagnac_actuators *ac
 {
     sagnac_path_length_output path;
     sagnac_intensity_output lit;
-    sagnac_path_length_tick(board->path, &board->path_state, light, &path);
-    sagnac_intensity_tick(board->light, &board->light_state, light, path.status & SAGNAC_PATH_HOLD_LIGHT, &lit);
+    sagnac_path_length_tick(board->setup.path, &board->path_state, light, &path);
+    sagnac_intensity_tick(board->setup.light, &board->light_state, light, path.status & SAGNAC_PATH_HOLD_LIGHT, &lit);
     board->frame.path_status |= path.status;
     board->frame.light_status |= lit.status;
     board->frame.actuator = path.actuator;
@@ -314,6 +380,7 @@ uint32_t sagnac_board_tick(sagnac_board *board, int32_t counts, uint32_t lost_st
 {
     uint32_t ends = SAGNAC_NO;
     board_check_state(board);
+    board_make_slices(board, sample);
     if (board->state.ticks_to_update == 0U) {
         board_slow_update(board, sample);
     }

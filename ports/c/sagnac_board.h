@@ -1,20 +1,25 @@
 /*
  * One tick of a gyro's board, in a fixed order.
  *
- *   slow update, if due -> counts -> stripping -> correction -> path-length loop -> intensity loop -> output frame
+ *   slow update: a slice -> counts -> stripping -> correction -> path-length loop -> intensity loop -> output frame
  *
  * Bit for bit the Rust crate sagnac-board. The status of a frame also has what the board alone knows: a dither that is missing, steps of
  * unknown direction, counts beyond what a call takes, a thermometer that stands still, where the image comes from, ticks that were missed,
  * and memory that turned over.
  *
+ * A slow update is made in slices, one in each of the ticks before it is due (more where the temperature period has fewer ticks), with the
+ * codes of the first of them. No tick has a whole one, but for those without ticks before them: at power-on, after another image, after an
+ * upset, and among ticks that are made up.
+ *
  * Use:
- *   sagnac_banks_start(&banks, &gyro, &loaded);
- *   sagnac_board_start(&board, &loaded, &path, &light, SAGNAC_POWER_ON, 0); (a dithered gyro: then sagnac_board_strip)
+ *   static const sagnac_board_setup setup = {...};           (in flash, as are the loops that it names)
+ *   sagnac_banks_start(&banks, &gyro, watchdog_resets, &loaded);
+ *   sagnac_board_start(&board, &loaded, &setup, SAGNAC_POWER_ON, 0);
  *   in the 100 us interrupt, with the counts of the processor's encoder timer:
  *     sagnac_board_make_up(&board, missed);                    (where a clock of its own shows ticks without an interrupt)
  *     if (sagnac_board_tick(&board, counts, lost_steps, &sample, &actuators, &frame) != 0U) { send frame; }
- *   in the main loop: sagnac_frame_push, sagnac_upload_handle; then, between two ticks, sagnac_board_use; once a second sagnac_board_is_intact,
- *   and if it is not, sagnac_banks_load and sagnac_board_mend.
+ *   in the main loop: sagnac_frame_push, sagnac_upload_handle; then, between two ticks, sagnac_board_use; once a second
+ *   sagnac_upload_second and sagnac_board_is_intact, and if it is not, sagnac_banks_load and sagnac_board_mend.
  */
 #ifndef SAGNAC_BOARD_H
 #define SAGNAC_BOARD_H
@@ -71,26 +76,35 @@ typedef struct {
     uint32_t ticks;
 } sagnac_output_frame;
 
+/* What a board is built with. Keep it in flash: sagnac_board_is_intact compares the board with it. */
+typedef struct {
+    const sagnac_path_length *path;
+    const sagnac_intensity *light;
+    uint32_t strips; /* the gyro is dithered: sagnac_stripper_start says what the next two are */
+    uint32_t longest;
+    uint32_t least_swing;
+    uint32_t watches; /* the image's thermometers are watched (sagnac_watch.h), in 2^-24 degC */
+    sagnac_watch_spec watch_spec;
+    uint32_t heats; /* the path-length actuator is a heater */
+} sagnac_board_setup;
+
 /* The board of one axis; keep it in static memory. Read it freely; change it only through the functions. */
 typedef struct {
     sagnac_image image;
     sagnac_octet digest[SAGNAC_DIGEST];
     sagnac_compensator_state state;
-    const sagnac_path_length *path;
+    sagnac_slow_update pending; /* the slices so far */
+    uint32_t is_pending;
+    sagnac_board_setup setup;
     sagnac_path_length_state path_state;
-    const sagnac_intensity *light;
     sagnac_intensity_state light_state;
-    uint32_t strips;
     sagnac_stripper stripper;
     sagnac_origin origin;
     uint32_t trial;
-    uint32_t watches;
-    uint32_t heats;
-    sagnac_watch_spec watch_spec;
     sagnac_watch watch;
     uint32_t still; /* bit i: the image's input i stands still */
     uint32_t lost_steps;
-    uint32_t image_sum; /* what sagnac_image_sum must still be */
+    uint32_t image_sum; /* what sagnac_image_sum, exclusive or sagnac_image_code, must still be */
     uint32_t state_sum; /* what sagnac_state_sum must still be at the next slow update */
     uint32_t update_at; /* number of the tick before which that is due */
     sagnac_output_frame frame;
@@ -105,27 +119,21 @@ typedef enum {
 /* No clock ran through the reset. */
 #define SAGNAC_UNKNOWN_TIME 0xFFFFFFFFU
 
-/* A board that begins, without stripping and without a watch. The loops stay the caller's. After a reset a warm-up goes on where it is
+/* A board that begins. After a reset a warm-up goes on where it is
  * `since_power_on_s` after power-on; with SAGNAC_UNKNOWN_TIME it is over, and SETTLING stands for three of its time constants. At power-on
  * the number is not read. */
-void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const sagnac_path_length *path,
-                        const sagnac_intensity *light, sagnac_cause cause, uint32_t since_power_on_s);
-
-/* The gyro is dithered: sagnac_stripper_start says what the two numbers are. */
-void sagnac_board_strip(sagnac_board *board, uint32_t longest, uint32_t least_swing);
-
-/* Watches the image's thermometers from here on (sagnac_watch.h), in 2^-24 degC. `heats`: the path-length actuator is a heater. */
-void sagnac_board_watch(sagnac_board *board, const sagnac_watch_spec *spec, uint32_t heats);
+void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const sagnac_board_setup *setup, sagnac_cause cause,
+                        uint32_t since_power_on_s);
 
 /* What flash holds now, between two ticks: goes on with its image if that is another one. */
 void sagnac_board_use(sagnac_board *board, const sagnac_loaded *loaded);
 
-/* SAGNAC_NO if a bit of the image turned over in memory since it was given. Ask once a second, between two ticks. The tick compares the state by
- * itself. The loops stay in the caller's memory; constants in flash need no comparison. */
-uint32_t sagnac_board_is_intact(const sagnac_board *board);
+/* SAGNAC_NO if a bit of the image, its origin or the setup turned over in memory since they were given. Ask once a second, between two ticks.
+ * The tick compares the state by itself. The loops' constants stay in the caller's flash and need no comparison. */
+uint32_t sagnac_board_is_intact(const sagnac_board *board, const sagnac_board_setup *setup);
 
 /* Goes on with what flash holds (sagnac_banks_load) after SAGNAC_NO above, with SAGNAC_UPSET in the frame. */
-void sagnac_board_mend(sagnac_board *board, const sagnac_loaded *loaded);
+void sagnac_board_mend(sagnac_board *board, const sagnac_loaded *loaded, const sagnac_board_setup *setup);
 
 /* Ticks that passed without a call, before the one that has all their counts. Their correction is output, with SAGNAC_MISSED_TICKS; slow
  * updates among them have no sample; loops and stripping stand still. After more than SAGNAC_LONGEST_PAUSE_TICKS the correction begins again. */

@@ -15,9 +15,6 @@
 extern "C" {
 #endif
 
-/* Highest sequence number of an image that a board takes: what follows is kept free, so that no image is the last one for ever. */
-#define SAGNAC_MAX_SEQUENCE 4294901760U
-
 /* A gyro. */
 typedef struct {
     uint32_t serial[8]; /* UTF-8, padded with zero octets, as little-endian words */
@@ -40,8 +37,7 @@ typedef enum {
     SAGNAC_OTHER_QUANTUM = 5,
     SAGNAC_BIAS_TOO_LARGE = 6,
     SAGNAC_SCALE_TOO_LARGE = 7,
-    SAGNAC_WORK_TOO_LARGE = 8,
-    SAGNAC_SEQUENCE_AT_END = 9
+    SAGNAC_WORK_TOO_LARGE = 8
 } sagnac_mismatch;
 
 sagnac_mismatch sagnac_gyro_accept(const sagnac_gyro *gyro, const sagnac_image *image);

@@ -303,6 +303,16 @@ static void path_period(const sagnac_path_length *loop, sagnac_path_length_state
     state->status = path_status_of(loop, state, dark);
 }
 
+uint32_t sagnac_path_length_is_heard(const sagnac_path_length *loop, int64_t second_sum, uint32_t periods)
+{
+    /* Half of a peak's harmonic at the least light; dark_sum is below 2^46, the product with 2^16 and with 2^17 periods is held. */
+    const int64_t one = sagnac_floor_shift(loop->dark_sum * (int64_t)loop->least_curvature_q8, 9U);
+    const int64_t most = (periods > 0U) ? (INT64_MAX / (int64_t)periods) : INT64_MAX;
+    const int64_t least = ((one > most) ? INT64_MAX : (one * (int64_t)periods));
+    const int64_t heard = (second_sum < 0) ? -sagnac_held(second_sum, -INT64_MAX, 0) : second_sum;
+    return (heard >= ((least < 1) ? 1 : least)) ? SAGNAC_YES : SAGNAC_NO;
+}
+
 void sagnac_path_length_start(const sagnac_path_length *loop, sagnac_path_length_state *state)
 {
     state->in_phase = 0;

@@ -113,6 +113,10 @@ typedef struct {
 uint32_t sagnac_path_length_load(sagnac_path_length *loop, sagnac_read_octet read, const void *context,
                                  uint32_t length);
 
+/* With the lamp off: SAGNAC_YES if the modulation reaches the photodiode's code by itself, and could pass for a peak. `second_sum`: the
+ * sum of state->second_harmonic after each of so many `periods`, at least 16 times loop->lock_periods, in which the ticks drove the modulation. */
+uint32_t sagnac_path_length_is_heard(const sagnac_path_length *loop, int64_t second_sum, uint32_t periods);
+
 /* A loop that has not seen light. */
 void sagnac_path_length_start(const sagnac_path_length *loop, sagnac_path_length_state *state);
 

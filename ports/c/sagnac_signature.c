@@ -152,17 +152,18 @@ sagnac_trust_error sagnac_trust_check(const sagnac_trust *trust, const sagnac_oc
     return error;
 }
 
-uint32_t sagnac_trust_answer(const sagnac_trust *trust, const sagnac_gyro *gyro, const sagnac_octet *challenge,
+uint32_t sagnac_trust_answer(const sagnac_trust *trust, const sagnac_gyro *gyro, uint32_t change, const sagnac_octet *challenge,
                              const sagnac_octet *signature, sagnac_octet *message)
 {
-    /* SAGNAC-SERVICE-1 */
-    static const sagnac_octet domain[DOMAIN] = {83U, 65U, 71U, 78U, 65U, 67U, 45U, 83U, 69U, 82U, 86U, 73U, 67U, 69U, 45U, 49U};
+    /* SAGNAC-SERVICE-2 */
+    static const sagnac_octet domain[DOMAIN] = {83U, 65U, 71U, 78U, 65U, 67U, 45U, 83U, 69U, 82U, 86U, 73U, 67U, 69U, 45U, 50U};
     uint32_t i;
     trust_copy(message, 0U, domain, DOMAIN);
     for (i = 0U; i < 8U; i++) {
         sagnac_write_u32(message, DOMAIN + (4U * i), gyro->serial[i]);
     }
     message[48] = (sagnac_octet)(gyro->axis & 0xFFU);
-    trust_copy(message, 49U, challenge, SAGNAC_CHALLENGE);
-    return trust->verify(trust->context, trust->public_key, message, 49U + SAGNAC_CHALLENGE, signature);
+    message[49] = (sagnac_octet)(change & 0xFFU);
+    trust_copy(message, 50U, challenge, SAGNAC_CHALLENGE);
+    return trust->verify(trust->context, trust->public_key, message, 50U + SAGNAC_CHALLENGE, signature);
 }

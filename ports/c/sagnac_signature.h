@@ -33,7 +33,7 @@ typedef struct {
     sagnac_octet public_key[32];
     sagnac_octet model[16]; /* type of the gyro, UTF-8, padded with zero octets */
     uint32_t (*lowest_counter)(void *context);
-    /* After an image with this counter is stored. A board that cannot keep one does nothing. */
+    /* Before an image with this counter is stored. A board that cannot keep one does nothing. */
     void (*raise_lowest_counter)(void *context, uint32_t to);
     /* SAGNAC_YES if the 64 octets of `signature` are the key's for this message. */
     uint32_t (*verify)(void *context, const sagnac_octet *public_key, const sagnac_octet *message, uint32_t length,
@@ -68,8 +68,8 @@ void sagnac_trust_nobody(sagnac_trust *trust);
 sagnac_trust_error sagnac_trust_check(const sagnac_trust *trust, const sagnac_octet *octets, uint32_t length,
                                       sagnac_octet *message, sagnac_trusted *trusted);
 
-/* SAGNAC_YES if this is the signature of a challenge for this gyro. `message` as above. */
-uint32_t sagnac_trust_answer(const sagnac_trust *trust, const sagnac_gyro *gyro, const sagnac_octet *challenge,
+/* SAGNAC_YES if this is the signature of a challenge for this gyro and this change (the kind of its frame). `message` as above. */
+uint32_t sagnac_trust_answer(const sagnac_trust *trust, const sagnac_gyro *gyro, uint32_t change, const sagnac_octet *challenge,
                              const sagnac_octet *signature, sagnac_octet *message);
 
 #ifdef __cplusplus

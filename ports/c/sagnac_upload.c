@@ -39,6 +39,8 @@ void sagnac_upload_start(sagnac_upload *upload, const sagnac_trust *trust)
     uint32_t i;
     upload->trust = trust;
     upload->service = SAGNAC_SERVICE_CLOSED;
+    upload->service_change = 0U;
+    upload->service_seconds_left = 0U;
     for (i = 0U; i < SAGNAC_CHALLENGE; i++) {
         upload->challenge[i] = 0U;
     }
@@ -52,11 +54,21 @@ void sagnac_upload_power_on(sagnac_upload *upload)
     upload->service = SAGNAC_SERVICE_CLOSED;
 }
 
+void sagnac_upload_second(sagnac_upload *upload)
+{
+    if (upload->service_seconds_left > 0U) {
+        upload->service_seconds_left--;
+    }
+    if (upload->service_seconds_left == 0U) {
+        upload->service = SAGNAC_SERVICE_CLOSED;
+    }
+}
+
 static sagnac_reply_code upload_answer(sagnac_upload *upload, const sagnac_octet *signature, const sagnac_gyro *gyro)
 {
     sagnac_reply_code code = SAGNAC_REPLY_LOCKED;
     if ((upload->trust->has_key != 0U) && (upload->service == SAGNAC_SERVICE_ASKED)) {
-        if (sagnac_trust_answer(upload->trust, gyro, upload->challenge, signature, upload->message) != 0U) {
+        if (sagnac_trust_answer(upload->trust, gyro, upload->service_change, upload->challenge, signature, upload->message) != 0U) {
             upload->service = SAGNAC_SERVICE_OPEN;
             code = SAGNAC_REPLY_DONE;
         } else {
@@ -105,6 +117,9 @@ static sagnac_reply_code upload_of_store(sagnac_store_result result)
     case SAGNAC_STORE_NOT_ON_TRIAL:
         code = SAGNAC_REPLY_NOT_ON_TRIAL;
         break;
+    case SAGNAC_STORE_ON_TRIAL:
+        code = SAGNAC_REPLY_ON_TRIAL;
+        break;
     case SAGNAC_STORE_NO_FREE_NOTE:
     case SAGNAC_STORE_READ_BACK:
     case SAGNAC_STORE_FLASH:
@@ -142,12 +157,14 @@ static sagnac_reply_code upload_commit(sagnac_upload *upload, const sagnac_frame
         if (error != SAGNAC_TRUSTED) {
             code = upload_of_trust(error);
         } else {
-            code = upload_of_store(
-                sagnac_banks_store(banks, gyro, upload->octets, trusted.image_length, (uint32_t)frame->payload[2]));
-            if ((code == SAGNAC_REPLY_DONE) && (trusted.has_counter != 0U) &&
-                (trusted.counter > trust->lowest_counter(trust->context))) {
-                trust->raise_lowest_counter(trust->context, trusted.counter);
+            sagnac_store_result stored = sagnac_banks_check(banks, gyro, upload->octets, trusted.image_length);
+            if (stored == SAGNAC_STORE_DONE) {
+                if ((trusted.has_counter != 0U) && (trusted.counter > trust->lowest_counter(trust->context))) {
+                    trust->raise_lowest_counter(trust->context, trusted.counter);
+                }
+                stored = sagnac_banks_store(banks, gyro, upload->octets, trusted.image_length, (uint32_t)frame->payload[2]);
             }
+            code = upload_of_store(stored);
         }
     }
     return code;
@@ -169,8 +186,12 @@ static uint32_t upload_knows(const sagnac_frame *frame)
         break;
     case SAGNAC_KIND_ROLL_BACK:
     case SAGNAC_KIND_CONFIRM:
-    case SAGNAC_KIND_SERVICE:
         knows = (frame->length == 0U) ? SAGNAC_YES : SAGNAC_NO;
+        break;
+    case SAGNAC_KIND_SERVICE:
+        knows = ((frame->length == 1U) && (frame->payload[0] >= SAGNAC_KIND_COMMIT) && (frame->payload[0] <= SAGNAC_KIND_CONFIRM))
+                    ? SAGNAC_YES
+                    : SAGNAC_NO;
         break;
     default:
         knows = SAGNAC_NO;
@@ -179,33 +200,40 @@ static uint32_t upload_knows(const sagnac_frame *frame)
     return knows;
 }
 
-/* A piece or a change, once the line is open. */
-static sagnac_reply_code upload_act(sagnac_upload *upload, const sagnac_frame *frame, sagnac_banks *banks,
-                                    const sagnac_gyro *gyro)
+/* Without a key the line is open to every frame; with one, to the pieces and the frame of the change that was answered for. */
+static uint32_t upload_is_open(const sagnac_upload *upload, uint32_t kind)
 {
-    sagnac_reply_code code = SAGNAC_REPLY_LOCKED;
-    if ((upload->trust->has_key != 0U) && (upload->service != SAGNAC_SERVICE_OPEN)) {
-        code = SAGNAC_REPLY_LOCKED;
-    } else if (frame->kind == SAGNAC_KIND_PIECE) {
-        code = upload_keep(upload, frame);
+    uint32_t is_open = SAGNAC_YES;
+    if (upload->trust->has_key != 0U) {
+        const uint32_t change = (kind == SAGNAC_KIND_PIECE) ? SAGNAC_KIND_COMMIT : kind;
+        is_open = ((upload->service == SAGNAC_SERVICE_OPEN) && (change == upload->service_change)) ? SAGNAC_YES : SAGNAC_NO;
+    }
+    return is_open;
+}
+
+/* A change, once the line is open to it. */
+static sagnac_reply_code upload_change(sagnac_upload *upload, const sagnac_frame *frame, sagnac_banks *banks,
+                                       const sagnac_gyro *gyro)
+{
+    sagnac_reply_code code;
+    if (frame->kind == SAGNAC_KIND_COMMIT) {
+        code = upload_commit(upload, frame, banks, gyro);
+    } else if (frame->kind == SAGNAC_KIND_CONFIRM) {
+        code = upload_of_store(sagnac_banks_confirm(banks, gyro));
     } else {
-        if (frame->kind == SAGNAC_KIND_COMMIT) {
-            code = upload_commit(upload, frame, banks, gyro);
-        } else if (frame->kind == SAGNAC_KIND_CONFIRM) {
-            code = upload_of_store(sagnac_banks_confirm(banks, gyro));
-        } else {
-            code = upload_of_store(sagnac_banks_roll_back(banks, gyro));
-        }
-        if (code == SAGNAC_REPLY_DONE) {
-            upload->service = SAGNAC_SERVICE_CLOSED;
-        }
+        code = upload_of_store(sagnac_banks_roll_back(banks, gyro));
+    }
+    if (code == SAGNAC_REPLY_DONE) {
+        upload->service = SAGNAC_SERVICE_CLOSED;
     }
     return code;
 }
 
-static void upload_challenge(sagnac_upload *upload, sagnac_frame *answer)
+static void upload_challenge(sagnac_upload *upload, uint32_t change, sagnac_frame *answer)
 {
     uint32_t i;
+    upload->service_change = change;
+    upload->service_seconds_left = SAGNAC_SERVICE_S;
     upload->trust->challenge(upload->trust->context, upload->challenge);
     upload->service = SAGNAC_SERVICE_ASKED;
     answer->kind = SAGNAC_KIND_CHALLENGE;
@@ -223,19 +251,23 @@ void sagnac_upload_handle(sagnac_upload *upload, const sagnac_frame *frame, sagn
     if (handled->handled == 0U) {
         /* A frame for somebody else. */
     } else if ((frame->kind == SAGNAC_KIND_SERVICE) && (upload->trust->has_key != 0U)) {
-        upload_challenge(upload, &handled->answer);
+        upload_challenge(upload, (uint32_t)frame->payload[0], &handled->answer);
     } else {
         sagnac_reply_code code = SAGNAC_REPLY_DONE;
         if (frame->kind == SAGNAC_KIND_ANSWER) {
             code = upload_answer(upload, frame->payload, gyro);
-        } else if (frame->kind != SAGNAC_KIND_SERVICE) {
-            code = upload_act(upload, frame, banks, gyro);
-            /* Whatever the code: a failed step may still have changed the active image. */
-            handled->changed = (frame->kind != SAGNAC_KIND_PIECE) ? SAGNAC_YES : SAGNAC_NO;
-        } else {
+        } else if (frame->kind == SAGNAC_KIND_SERVICE) {
             /* Without a key the line is open. */
+        } else if (upload_is_open(upload, frame->kind) == 0U) {
+            code = SAGNAC_REPLY_LOCKED;
+        } else if (frame->kind == SAGNAC_KIND_PIECE) {
+            code = upload_keep(upload, frame);
+        } else {
+            code = upload_change(upload, frame, banks, gyro);
+            /* Whatever the code: a failed step may still have changed the active image. */
+            handled->changed = SAGNAC_YES;
+            sagnac_banks_load(banks, gyro, loaded);
         }
-        sagnac_banks_load(banks, gyro, loaded);
         sagnac_reply(frame->kind, code, loaded, &handled->answer);
     }
 }

@@ -59,6 +59,7 @@ pub fn reply_words(reply: &Reply) -> String {
         ReplyCode::Unsigned => "refused: not signed, and this gyro has a key",
         ReplyCode::BadSignature => "refused: the signature does not match, or is by another key",
         ReplyCode::NotOnTrial => "refused: no image is on trial",
+        ReplyCode::OnTrial => "refused: an image is on trial; confirm it or roll it back first",
     };
     let trial = if reply.trial { ", on trial: confirm it" } else { "" };
     match reply.sequence {

@@ -8,9 +8,9 @@ use embedded_storage::nor_flash::NorFlash;
 use sagnac_core::{Banks, Gyro, Loaded, NoKey, Trust};
 use sagnac_loops::{LoopTable, Stripper};
 
-use crate::board::{ActuatorCodes, Board, StartCause};
+use crate::board::{ActuatorCodes, Board, BoardSetup, StartCause};
 use crate::frame::{Frame, FrameReader};
-use crate::message::{Message, OutputFrame, POWER_ON, Reply, ReplyCode, RigSettings, Row};
+use crate::message::{Message, OutputFrame, Reply, RigSettings, Row};
 use crate::rig::Rig;
 use crate::upload::Upload;
 
@@ -96,13 +96,12 @@ impl<F: NorFlash, T: Trust> CommandHandler<F, T> {
     /// Power-on: starts the image of the banks, and a tick handler on a rig with these settings.
     #[inline(never)]
     pub fn power_on(&mut self, settings: RigSettings) -> (TickHandler, Reply) {
-        self.upload.power_on();
-        let loaded = self.banks.start(&self.gyro);
+        let loaded = self.banks.start(&self.gyro, 0);
         let dithered = (settings.dither_counts > 0).then(|| Stripper::new(LONGEST_DITHER_TICKS, LEAST_SWING));
-        let mut board =
-            Board::new(StartCause::PowerOn, loaded.image, loaded.origin, &self.loops, Rig::LEVELS, dithered);
+        let setup = BoardSetup { loops: self.loops, stripper: dithered, watch: None };
+        let mut board = Board::new(StartCause::PowerOn, loaded.image, loaded.origin, &setup, Rig::LEVELS);
         board.use_loaded(&loaded);
-        let reply = Reply::new(POWER_ON, ReplyCode::Done, &loaded);
+        let reply = self.upload.power_on(&loaded);
         (TickHandler { board, rig: Rig::new(settings), actuators: ActuatorCodes::default() }, reply)
     }
 

@@ -38,17 +38,17 @@ mod message;
 mod rig;
 mod upload;
 
-pub use board::{ActuatorCodes, Board, FRAME_TICKS, LONGEST_PAUSE_TICKS, Sample, StartCause};
+pub use board::{ActuatorCodes, Board, BoardSetup, FRAME_TICKS, LONGEST_PAUSE_TICKS, Sample, StartCause, WatchSetup};
 #[cfg(feature = "rig")]
 pub use handler::{Action, CommandHandler, TickHandler, run};
 pub use hardware::{Axis, Converters, FringeCounter, PwmOutput, SpiDac, TickClock};
 pub use line::Line;
 pub use memory_flash::{MemoryFlash, MemoryFlashError};
 pub use message::{
-    Commit, Direction, KINDS, Message, MessageKind, OUTPUT_LEN, OutputFrame, POWER_ON, Piece, Reply, ReplyCode,
+    Change, Commit, Direction, KINDS, Message, MessageKind, OUTPUT_LEN, OutputFrame, POWER_ON, Piece, Reply, ReplyCode,
 };
 #[cfg(feature = "rig")]
 pub use message::{RigSettings, Row};
 #[cfg(feature = "rig")]
 pub use rig::Rig;
-pub use upload::{Handled, Upload};
+pub use upload::{Handled, SERVICE_S, Upload};

@@ -13,7 +13,7 @@ use embedded_storage::nor_flash::NorFlash;
 use sagnac_core::{Banks, Gyro, Loaded, Trust};
 
 use crate::frame::{Frame, FrameReader};
-use crate::message::{Message, OutputFrame, POWER_ON, Reply, ReplyCode};
+use crate::message::{Message, OutputFrame};
 use crate::upload::Upload;
 
 /// Bytes that are read at once.
@@ -30,14 +30,22 @@ pub struct Line<L, F, T> {
 }
 
 impl<L: Read + ReadReady + Write, F: NorFlash, T: Trust> Line<L, F, T> {
-    /// Power-on: counts a start of an image on trial, and says on the line what runs. Make the board of the image that is returned.
+    /// Power-on or reset: counts a start of an image on trial, and says on the line what runs. Make the board of the image that is returned.
+    /// `watchdog_resets`: see [`Banks::start`].
     ///
     /// # Errors
     /// Those of the port.
-    pub fn power_on(mut port: L, mut banks: Banks<F>, gyro: Gyro, trust: T) -> Result<(Self, Loaded), L::Error> {
-        let loaded = banks.start(&gyro);
-        write(&mut port, &Message::Reply(Reply::new(POWER_ON, ReplyCode::Done, &loaded)))?;
-        let line = Self { port, banks, gyro, upload: Upload::new(trust), reader: FrameReader::new() };
+    pub fn power_on(
+        mut port: L,
+        mut banks: Banks<F>,
+        gyro: Gyro,
+        trust: T,
+        watchdog_resets: u32,
+    ) -> Result<(Self, Loaded), L::Error> {
+        let loaded = banks.start(&gyro, watchdog_resets);
+        let mut upload = Upload::new(trust);
+        write(&mut port, &Message::Reply(upload.power_on(&loaded)))?;
+        let line = Self { port, banks, gyro, upload, reader: FrameReader::new() };
         Ok((line, loaded))
     }
 
@@ -69,6 +77,11 @@ impl<L: Read + ReadReady + Write, F: NorFlash, T: Trust> Line<L, F, T> {
             self.handle(&frame, &mut use_image)?;
         }
         Ok(())
+    }
+
+    /// A second has passed: call it once a second. The service mode of a board with a key ends by itself.
+    pub const fn second(&mut self) {
+        self.upload.second();
     }
 
     /// Sends an output frame.

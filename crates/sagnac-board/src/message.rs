@@ -125,8 +125,8 @@ messages! {
     ROLL_BACK = 0x22 "roll back", RollBack, ToGyro, "";
     /// The image on trial has proved itself.
     CONFIRM = 0x23 "confirmation", Confirm, ToGyro, "";
-    /// Open the service mode: a gyro with a key answers with a challenge.
-    SERVICE = 0x24 "service mode", Service, ToGyro, "";
+    /// Open the service mode for one change: a gyro with a key answers with a challenge.
+    SERVICE = 0x24 "service mode", Service(Change), ToGyro, "u8 kind of the change: 21, 22 or 23";
     /// The signature of the challenge.
     ANSWER = 0x25 "answer to a challenge", Answer([u8; 64]), ToGyro, "64 bytes";
     /// The end of the run.
@@ -408,10 +408,12 @@ pub enum ReplyCode {
     BadSignature = 9,
     /// There is no image on trial to confirm.
     NotOnTrial = 10,
+    /// An image is on trial over a confirmed one, which another upload would erase.
+    OnTrial = 11,
 }
 
 impl ReplyCode {
-    const ALL: [Self; 11] = [
+    const ALL: [Self; 12] = [
         Self::Done,
         Self::NotAnImage,
         Self::Mismatch,
@@ -423,6 +425,7 @@ impl ReplyCode {
         Self::Unsigned,
         Self::BadSignature,
         Self::NotOnTrial,
+        Self::OnTrial,
     ];
 }
 
@@ -456,9 +459,48 @@ impl Payload for Reply {
 }
 
 impl Reply {
-    /// The reply to a message of this kind, with what flash holds now.
-    pub(crate) const fn new(to: u8, code: ReplyCode, loaded: &Loaded) -> Self {
-        Self { to, code, sequence: loaded.image.description().sequence, origin: loaded.origin, trial: loaded.trial }
+    /// The reply at power-on.
+    pub(crate) const fn at_power_on(loaded: &Loaded) -> Self {
+        let sequence = loaded.image.description().sequence;
+        Self { to: POWER_ON, code: ReplyCode::Done, sequence, origin: loaded.origin, trial: loaded.trial }
+    }
+}
+
+/// A change of the images, which a board with a key makes only in its service mode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// [`Message::Commit`], with its pieces.
+    Commit = Message::COMMIT as isize,
+    /// [`Message::RollBack`].
+    RollBack = Message::ROLL_BACK as isize,
+    /// [`Message::Confirm`].
+    Confirm = Message::CONFIRM as isize,
+}
+
+impl Change {
+    /// The change that a message is part of.
+    pub(crate) const fn of(message: &Message) -> Option<Self> {
+        match message {
+            Message::Piece(_) | Message::Commit(_) => Some(Self::Commit),
+            Message::RollBack => Some(Self::RollBack),
+            Message::Confirm => Some(Self::Confirm),
+            _ => None,
+        }
+    }
+}
+
+impl Payload for Change {
+    fn put(&self, w: &mut Writer<'_>) -> Option<usize> {
+        (*self as u8).put(w)
+    }
+
+    fn take(r: &mut Reader<'_>) -> Option<Self> {
+        match r.u8()? {
+            Message::COMMIT => Some(Self::Commit),
+            Message::ROLL_BACK => Some(Self::RollBack),
+            Message::CONFIRM => Some(Self::Confirm),
+            _ => None,
+        }
     }
 }
 
@@ -482,7 +524,7 @@ impl Message {
 }
 
 /// 0 newest, 1 survivor, 2 factory defaults; 4 more on trial.
-const fn image_code(origin: Origin, trial: bool) -> u8 {
+pub(crate) const fn image_code(origin: Origin, trial: bool) -> u8 {
     let origin = match origin {
         Origin::Newest => 0,
         Origin::Survivor => 1,

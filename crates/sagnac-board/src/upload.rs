@@ -9,11 +9,14 @@
 //! to use it between two ticks. A refused commit changes neither the active image nor the received pieces, so only
 //! missing pieces need to be sent again.
 //!
-//! A board with a public key ([`Trust`]) takes nothing until its challenge is answered with a signature over the challenge and this
-//! gyro's serial number and axis. One answer opens the service mode for one change: a commit, a confirmation or a roll back that is done
-//! ends it, and so does power-off. A wrong answer needs another challenge. The image itself needs a signature too.
+//! A board with a public key ([`Trust`]) takes nothing until its challenge is answered with a signature over the challenge, the change that
+//! was asked for, and this gyro's serial number and axis. One answer opens the service mode for that change alone: a commit, a confirmation
+//! or a roll back. When the change is done the mode ends, and so it does [`SERVICE_S`] after the challenge and at power-off. A wrong answer
+//! needs another challenge. The image itself needs a signature too. Its counter is raised before its commit word is programmed: power that
+//! fails in between leaves the old image, and the same upload can be sent again.
 //!
-//! A store erases and programs flash, and a signature takes milliseconds. Call it from the main loop, not from the tick.
+//! A store erases and programs flash, and a signature takes milliseconds. Call it from the main loop, not from the tick. Pieces, challenges
+//! and answers do not read the flash.
 
 use embedded_storage::nor_flash::NorFlash;
 use sagnac_core::{
@@ -21,7 +24,10 @@ use sagnac_core::{
     service_message,
 };
 
-use crate::message::{Commit, Message, Piece, Reply, ReplyCode};
+use crate::message::{Change, Commit, Message, Piece, Reply, ReplyCode};
+
+/// From the challenge on the service mode lasts so long, s.
+pub const SERVICE_S: u8 = 120;
 
 /// Buffer for an image in pieces, and what the board trusts.
 #[derive(Clone, Debug)]
@@ -29,6 +35,9 @@ pub struct Upload<T = NoKey> {
     bytes: [u8; MAX_SIGNED_LEN],
     trust: T,
     service: Service,
+    service_seconds_left: u8,
+    /// The last reply with what flash holds; `None` before the first one.
+    last: Option<Reply>,
 }
 
 /// The service mode of a board with a key.
@@ -36,8 +45,8 @@ pub struct Upload<T = NoKey> {
 enum Service {
     Closed,
     /// A challenge was sent, and not answered yet.
-    Asked([u8; CHALLENGE_LEN]),
-    Open,
+    Asked(Change, [u8; CHALLENGE_LEN]),
+    Open(Change),
 }
 
 /// What the board says to a message, and what flash holds now if the active image may have changed.
@@ -52,7 +61,7 @@ pub struct Handled {
 impl<T: Trust> Upload<T> {
     /// An empty buffer.
     pub const fn new(trust: T) -> Self {
-        Self { bytes: [0; MAX_SIGNED_LEN], trust, service: Service::Closed }
+        Self { bytes: [0; MAX_SIGNED_LEN], trust, service: Service::Closed, service_seconds_left: 0, last: None }
     }
 
     /// What the board trusts.
@@ -60,22 +69,35 @@ impl<T: Trust> Upload<T> {
         &self.trust
     }
 
-    /// Power-on: the service mode is closed.
-    pub const fn power_on(&mut self) {
+    /// Power-on: the service mode is closed. The reply to send.
+    pub const fn power_on(&mut self, loaded: &Loaded) -> Reply {
         self.service = Service::Closed;
+        let reply = Reply::at_power_on(loaded);
+        self.last = Some(reply);
+        reply
+    }
+
+    /// A second has passed: call it once a second. The service mode ends by itself.
+    pub const fn second(&mut self) {
+        self.service_seconds_left = self.service_seconds_left.saturating_sub(1);
+        if self.service_seconds_left == 0 {
+            self.service = Service::Closed;
+        }
     }
 
     /// Handles a message about images. `None` for every other one.
     pub fn handle<F: NorFlash>(&mut self, message: &Message, banks: &mut Banks<F>, gyro: &Gyro) -> Option<Handled> {
-        let open = self.trust.public_key().is_none() || self.service == Service::Open;
+        let change = Change::of(message);
+        let open =
+            self.trust.public_key().is_none() || change.is_some_and(|change| self.service == Service::Open(change));
         let code = match message {
-            Message::Service if self.trust.public_key().is_some() => {
+            Message::Service(change) if self.trust.public_key().is_some() => {
                 let challenge = self.trust.challenge();
-                self.service = Service::Asked(challenge);
+                (self.service, self.service_seconds_left) = (Service::Asked(*change, challenge), SERVICE_S);
                 return Some(Handled { message: Message::Challenge(challenge), loaded: None });
             }
             // Nothing to answer: the line is open.
-            Message::Service => ReplyCode::Done,
+            Message::Service(_) => ReplyCode::Done,
             Message::Answer(signature) => self.answer(signature, gyro),
             Message::Piece(_) | Message::Commit(_) | Message::Confirm | Message::RollBack if !open => ReplyCode::Locked,
             Message::Piece(Piece { offset, len, bytes }) => {
@@ -86,23 +108,25 @@ impl<T: Trust> Upload<T> {
             Message::RollBack => banks.roll_back(gyro).map_or_else(of_store, |_| ReplyCode::Done),
             _ => return None,
         };
-        let changes = matches!(message, Message::Commit(_) | Message::Confirm | Message::RollBack);
+        let changes = open && matches!(message, Message::Commit(_) | Message::Confirm | Message::RollBack);
         if changes && code == ReplyCode::Done {
             self.service = Service::Closed;
         }
-        let loaded = banks.load(gyro);
-        let reply = Reply::new(message.kind(), code, &loaded);
         // Use what flash holds, not the code: a failed step may still have changed the active image.
-        Some(Handled { message: Message::Reply(reply), loaded: changes.then_some(loaded) })
+        let loaded = (changes || self.last.is_none()).then(|| banks.load(gyro));
+        let held = loaded.as_ref().map(Reply::at_power_on).or(self.last)?;
+        self.last = Some(held);
+        let reply = Reply { to: message.kind(), code, ..held };
+        Some(Handled { message: Message::Reply(reply), loaded: loaded.filter(|_| changes) })
     }
 
     fn answer(&mut self, signature: &[u8; 64], gyro: &Gyro) -> ReplyCode {
-        let (Some(key), Service::Asked(challenge)) = (self.trust.public_key(), self.service) else {
+        let (Some(key), Service::Asked(change, challenge)) = (self.trust.public_key(), self.service) else {
             return ReplyCode::Locked;
         };
-        let message = service_message(&gyro.serial, gyro.axis, &challenge);
+        let message = service_message(&gyro.serial, gyro.axis, change as u8, &challenge);
         let right = self.trust.verify(&key, message.bytes(), signature);
-        self.service = if right { Service::Open } else { Service::Closed };
+        self.service = if right { Service::Open(change) } else { Service::Closed };
         if right { ReplyCode::Done } else { ReplyCode::BadSignature }
     }
 
@@ -123,14 +147,14 @@ impl<T: Trust> Upload<T> {
             Ok(trusted) => trusted,
             Err(error) => return of_signature(error),
         };
-        let stored = if trial { banks.store_on_trial(gyro, &image) } else { banks.store(gyro, &image) };
-        if let Err(error) = stored {
+        if let Err(error) = banks.check(gyro, &image) {
             return of_store(error);
         }
         if let Some(counter) = counter.filter(|counter| *counter > self.trust.lowest_counter()) {
             self.trust.raise_lowest_counter(counter);
         }
-        ReplyCode::Done
+        let stored = if trial { banks.store_on_trial(gyro, &image) } else { banks.store(gyro, &image) };
+        stored.map_or_else(of_store, |()| ReplyCode::Done)
     }
 }
 
@@ -150,6 +174,7 @@ fn of_store<E>(error: StoreError<E>) -> ReplyCode {
         StoreError::NotNewer { .. } => ReplyCode::NotNewer,
         StoreError::NoOlderImage => ReplyCode::NoOlderImage,
         StoreError::NotOnTrial => ReplyCode::NotOnTrial,
+        StoreError::OnTrial => ReplyCode::OnTrial,
         StoreError::NoFreeNote | StoreError::ReadBack { .. } | StoreError::Flash(_) => ReplyCode::Flash,
     }
 }

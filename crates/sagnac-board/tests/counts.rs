@@ -1,6 +1,6 @@
 //! Counts of a hardware counter give the frames that the levels of the comparators give.
 
-use crate::given::{PAPER, loops};
+use crate::given::{PAPER, setup};
 use sagnac_board::{Board, Sample, StartCause};
 use sagnac_core::{Image, Origin, Status};
 use sagnac_loops::{Counting, Quadrature, QuadratureState, Stripper};
@@ -15,8 +15,8 @@ fn a_hardware_counter_is_as_good_as_levels() {
     for strips in [false, true] {
         let stripper = || strips.then(|| Stripper::new(50, 1000));
         let image = Image::decode(PAPER).unwrap();
-        let mut decoded = Board::new(StartCause::PowerOn, image, Origin::Newest, &loops(), levels(0), stripper());
-        let mut counted = Board::new(StartCause::PowerOn, image, Origin::Newest, &loops(), levels(0), stripper());
+        let mut decoded = Board::new(StartCause::PowerOn, image, Origin::Newest, &setup(stripper()), levels(0));
+        let mut counted = Board::new(StartCause::PowerOn, image, Origin::Newest, &setup(stripper()), levels(0));
         let (counter, mut state) = (Quadrature { counting: Counting::X4 }, QuadratureState::new());
         counter.update(&mut state, false, false);
         let (mut quarter, mut dice, mut frames, mut lost) = (0_u8, 1_u32, 0, false);
@@ -47,7 +47,7 @@ fn a_hardware_counter_is_as_good_as_levels() {
 #[test]
 fn counts_beyond_a_call_are_reported() {
     let mut board =
-        Board::new(StartCause::PowerOn, Image::decode(PAPER).unwrap(), Origin::Newest, &loops(), levels(0), None);
+        Board::new(StartCause::PowerOn, Image::decode(PAPER).unwrap(), Origin::Newest, &setup(None), levels(0));
     let frames: Vec<_> = (0..100)
         .filter_map(|tick| board.tick_counts(if tick == 0 { i32::MIN } else { 0 }, 0, &Sample::default()).1)
         .collect();

@@ -5,15 +5,15 @@ use std::collections::VecDeque;
 use std::convert::Infallible;
 use std::rc::Rc;
 
-use crate::given::{PAPER, loops, loops_of};
+use crate::given::{PAPER, loops_of, setup};
 use embedded_hal::pwm::SetDutyCycle;
 use embedded_hal::spi::{ErrorType as SpiErrorType, Operation, SpiDevice};
 use embedded_io::{ErrorType, Read, ReadReady, Write};
 use proptest::prelude::*;
 use sagnac_board::frame::{Frame, FrameReader};
 use sagnac_board::{
-    ActuatorCodes, Axis, Board, Commit, Converters, FringeCounter, LONGEST_PAUSE_TICKS, Line, MemoryFlash, Message,
-    OutputFrame, Piece, PwmOutput, Sample, SpiDac, StartCause, TickClock,
+    ActuatorCodes, Axis, Board, BoardSetup, Commit, Converters, FringeCounter, LONGEST_PAUSE_TICKS, Line, MemoryFlash,
+    Message, OutputFrame, Piece, PwmOutput, Sample, SpiDac, StartCause, TickClock,
 };
 use sagnac_core::{BankReport, Banks, Description, Gyro, Image, Loaded, MAX_IMAGE_LEN, NoKey, Origin, Status};
 use sagnac_loops::Stripper;
@@ -56,7 +56,7 @@ impl Converters for Analogue {
 }
 
 fn board(stripper: Option<Stripper>) -> Board {
-    Board::new(StartCause::PowerOn, Image::decode(PAPER).unwrap(), Origin::Newest, &loops(), (false, false), stripper)
+    Board::new(StartCause::PowerOn, Image::decode(PAPER).unwrap(), Origin::Newest, &setup(stripper), (false, false))
 }
 
 /// Runs `calls` interrupts, each after so many ticks of so many counts; the sums of the frames and the bits they had.
@@ -183,13 +183,13 @@ fn memory_that_differs_from_flash_is_mended() {
     let turned_over = Image::new(Description { sequence: 1 << 20, ..*image.description() }).unwrap();
     let sample = Sample { codes: [Some(20 << 24), None, None, None], ..Sample::default() };
     let frame = |board: &mut Board| (0..100).find_map(|_| board.tick_counts(1, 0, &sample).1).unwrap();
-    let mut board = Board::new(StartCause::PowerOn, turned_over, Origin::Newest, &loops(), (false, false), None);
+    let mut board = Board::new(StartCause::PowerOn, turned_over, Origin::Newest, &setup(None), (false, false));
     assert_eq!(frame(&mut board).status, Status::OK);
-    board.mend(&what_flash_holds(image), &loops());
+    board.mend(&what_flash_holds(image), &setup(None));
     assert_eq!(frame(&mut board).status, Status::UPSET);
-    assert!(*board.image() == image && board.is_intact(&loops()));
+    assert!(*board.image() == image && board.is_intact(&setup(None)));
     assert_eq!(frame(&mut board).status, Status::OK);
-    let heater = loops_of("path-length-heater");
+    let heater = BoardSetup { loops: loops_of("path-length-heater"), ..setup(None) };
     assert!(!board.is_intact(&heater));
     board.mend(&what_flash_holds(image), &heater);
     assert!(board.is_intact(&heater));
@@ -312,11 +312,11 @@ fn an_image_arrives_over_the_line() {
     let gyro = Gyro::of(&image, 4);
     let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK).unwrap();
     let port = Port::default();
-    let (mut line, loaded) = Line::power_on(port.clone(), banks, gyro, NoKey).unwrap();
+    let (mut line, loaded) = Line::power_on(port.clone(), banks, gyro, NoKey, 0).unwrap();
     assert_eq!(loaded.origin, Origin::FactoryDefaults);
     assert!(matches!(port.said()[..], [Message::Reply(reply)] if reply.sequence == 0));
     assert!(!line.poll(|_| panic!("nothing arrived")).unwrap());
-    let mut board = Board::new(StartCause::PowerOn, loaded.image, loaded.origin, &loops(), (false, false), None);
+    let mut board = Board::new(StartCause::PowerOn, loaded.image, loaded.origin, &setup(None), (false, false));
     let mut bytes = [0; MAX_IMAGE_LEN];
     let len = image.encode(&mut bytes).unwrap();
     for (at, piece) in bytes[..len].chunks(60).enumerate() {

@@ -1,11 +1,11 @@
 //! Frames survive damage to others; messages come back as they were; the whole line on this machine.
 
-use crate::given::{PAPER, loops};
+use crate::given::{PAPER, loops, setup};
 use proptest::prelude::*;
 use sagnac_board::frame::{Frame, FrameReader, MAX_PAYLOAD};
 use sagnac_board::{
-    Board, CommandHandler, Commit, FRAME_TICKS, MemoryFlash, Message, OUTPUT_LEN, OutputFrame, Piece, Reply, ReplyCode,
-    RigSettings, Row, Sample, StartCause, run,
+    Board, BoardSetup, Change, CommandHandler, Commit, FRAME_TICKS, MemoryFlash, Message, OUTPUT_LEN, OutputFrame,
+    Piece, Reply, ReplyCode, RigSettings, Row, Sample, StartCause, WatchSetup, run,
 };
 use sagnac_core::{BankReport, Banks, Description, Gyro, Image, Loaded, Origin, Status, WatchSpec};
 use sagnac_loops::Stripper;
@@ -74,7 +74,7 @@ fn message() -> impl Strategy<Value = Message> {
         any::<(u16, bool)>().prop_map(|(len, trial)| Message::Commit(Commit { len, trial })),
         Just(Message::RollBack),
         Just(Message::Confirm),
-        Just(Message::Service),
+        prop_oneof![Just(Change::Commit), Just(Change::RollBack), Just(Change::Confirm)].prop_map(Message::Service),
         any::<[u8; 16]>().prop_map(Message::Challenge),
         any::<[u8; 32]>().prop_map(|half| {
             let mut signature = [0; 64];
@@ -254,7 +254,7 @@ fn on_board(
     ticks: impl Iterator<Item = (Vec<u8>, Sample)>,
 ) -> Vec<OutputFrame> {
     let image = Image::decode(PAPER).unwrap();
-    let mut board = Board::new(StartCause::PowerOn, image, origin, &loops(), (false, false), stripper);
+    let mut board = Board::new(StartCause::PowerOn, image, origin, &setup(stripper), (false, false));
     let levels = |quarter: u8| (matches!(quarter & 3, 1 | 2), matches!(quarter & 3, 2 | 3));
     ticks.filter_map(|(quarters, sample)| board.tick(quarters.into_iter().map(levels), &sample).1).collect()
 }
@@ -312,8 +312,9 @@ fn a_stuck_thermometer_is_in_the_status() {
     let mut two = Description { input_count: 2, period_ticks: 10, slew_ticks: 0, ..paper };
     two.inputs[1] = two.inputs[0];
     let image = Image::new(two).unwrap();
-    let mut board = Board::new(StartCause::PowerOn, image, Origin::Newest, &loops(), (false, false), None);
-    board.watch_thermometers(WatchSpec { shows: 2 << 24, still: 1 << 22, command_shows: 0 }, false);
+    let spec = WatchSpec { shows: 2 << 24, still: 1 << 22, command_shows: 0 };
+    let setup = BoardSetup { watch: Some(WatchSetup { spec, heats: false }), ..setup(None) };
+    let mut board = Board::new(StartCause::PowerOn, image, Origin::Newest, &setup, (false, false));
     let mut frames = Vec::new();
     for tick in 0..60_000 {
         // From 20 °C, 4 °C in all; one code a tick.

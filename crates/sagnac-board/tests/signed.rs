@@ -1,7 +1,11 @@
 //! A board with a key: what is not signed for it, in order, and asked for, changes nothing.
 
+use embedded_storage::nor_flash::{NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash};
 use sagnac_board::frame::FrameReader;
-use sagnac_board::{CommandHandler, Commit, Handled, MemoryFlash, Message, Reply, ReplyCode, RigSettings, Upload, run};
+use sagnac_board::{
+    Change, CommandHandler, Commit, Handled, MemoryFlash, Message, Reply, ReplyCode, RigSettings, SERVICE_S, Upload,
+    run,
+};
 use sagnac_core::{Banks, Description, Gyro, Image, NoKey, Origin, SIGNATURE_LEN, TRIAL_STARTS, Trust};
 use sagnac_loops::LoopTable;
 use sagnac_signature::{Keyed, Signer};
@@ -45,9 +49,14 @@ impl Bench<Keyed<Counted>> {
         Self::with(Keyed { public_key: signer().public().bytes(), model: MODEL, lowest_counter: 5, challenge })
     }
 
+    /// For an upload.
     fn open(&mut self) {
-        let Message::Challenge(challenge) = self.send(Message::Service).message else { panic!("no challenge") };
-        let answer = signer().answer(&self.gyro.serial, self.gyro.axis, &challenge);
+        self.open_for(Change::Commit);
+    }
+
+    fn open_for(&mut self, change: Change) {
+        let Message::Challenge(challenge) = self.send(Message::Service(change)).message else { panic!("no challenge") };
+        let answer = signer().answer(&self.gyro.serial, self.gyro.axis, change as u8, &challenge);
         assert_eq!(self.code(Message::Answer(answer)), ReplyCode::Done);
     }
 }
@@ -153,30 +162,178 @@ fn nothing_changes_outside_of_the_service_mode() {
     // An answer without a challenge; one of another gyro; one twice; one before power-off.
     let answer = |challenge: u8, axis: u8| {
         let gyro = Bench::new().gyro;
-        Message::Answer(signer().answer(&gyro.serial, axis, &[challenge; 16]))
+        Message::Answer(signer().answer(&gyro.serial, axis, Message::CONFIRM, &[challenge; 16]))
     };
     let axis = bench.gyro.axis;
     assert_eq!(bench.code(answer(2, axis)), ReplyCode::Locked);
-    assert!(matches!(bench.send(Message::Service).message, Message::Challenge([2, ..])));
+    assert!(matches!(bench.send(Message::Service(Change::Confirm)).message, Message::Challenge([2, ..])));
     assert_eq!(bench.code(answer(2, axis ^ 1)), ReplyCode::BadSignature);
     assert_eq!(bench.code(answer(2, axis)), ReplyCode::Locked, "one try a challenge");
-    assert!(matches!(bench.send(Message::Service).message, Message::Challenge([3, ..])));
+    assert!(matches!(bench.send(Message::Service(Change::Confirm)).message, Message::Challenge([3, ..])));
     assert_eq!(bench.code(answer(2, axis)), ReplyCode::BadSignature, "an old answer");
-    bench.open();
-    bench.upload.power_on();
+    bench.open_for(Change::Confirm);
+    let loaded = bench.banks.load(&bench.gyro);
+    bench.upload.power_on(&loaded);
     assert_eq!(bench.code(Message::Confirm), ReplyCode::Locked);
-    bench.open();
+    bench.open_for(Change::Confirm);
     assert_eq!(bench.code(Message::Confirm), ReplyCode::Done);
-    bench.open();
+    bench.open_for(Change::Confirm);
     assert_eq!(bench.code(Message::Confirm), ReplyCode::NotOnTrial);
+    bench.open_for(Change::RollBack);
     assert_eq!(bench.code(Message::RollBack), ReplyCode::NoOlderImage);
+}
+
+/// An answer opens the mode for the change that it names, and for no other; a signature for another change is refused.
+#[test]
+fn the_service_mode_is_open_for_one_change_alone() {
+    let changes = [Change::Commit, Change::RollBack, Change::Confirm];
+    for change in changes {
+        let mut bench = Bench::new();
+        for other in changes.into_iter().filter(|other| *other != change) {
+            let Message::Challenge(challenge) = bench.send(Message::Service(change)).message else {
+                panic!("no challenge")
+            };
+            let answer = signer().answer(&bench.gyro.serial, bench.gyro.axis, other as u8, &challenge);
+            assert_eq!(bench.code(Message::Answer(answer)), ReplyCode::BadSignature);
+        }
+        bench.open_for(change);
+        let bytes = signed(&signer(), &image(1), MODEL, 9);
+        let commit = bench.commit(&bytes, false);
+        assert_eq!(commit == ReplyCode::Locked, change != Change::Commit, "{change:?}");
+        if change == Change::Commit {
+            continue;
+        }
+        let codes = (bench.code(Message::RollBack), bench.code(Message::Confirm));
+        assert_eq!(codes.0 == ReplyCode::Locked, change != Change::RollBack);
+        assert_eq!(codes.1 == ReplyCode::Locked, change != Change::Confirm);
+    }
+}
+
+/// The mode of a session that was left ends by itself: 20 stray roll backs came hours later.
+#[test]
+fn the_service_mode_ends_by_itself() {
+    let mut bench = Bench::new();
+    for seconds in [1, SERVICE_S - 1, SERVICE_S, 255] {
+        bench.open_for(Change::RollBack);
+        (0..seconds).for_each(|_| bench.upload.second());
+        assert_eq!(bench.code(Message::RollBack) == ReplyCode::Locked, seconds >= SERVICE_S, "{seconds} s");
+        // A challenge that was not answered, too.
+        let Message::Challenge(challenge) = bench.send(Message::Service(Change::RollBack)).message else { panic!() };
+        (0..seconds).for_each(|_| bench.upload.second());
+        let answer = signer().answer(&bench.gyro.serial, bench.gyro.axis, Message::ROLL_BACK, &challenge);
+        assert_eq!(bench.code(Message::Answer(answer)) == ReplyCode::Locked, seconds >= SERVICE_S, "{seconds} s");
+    }
+}
+
+/// Flash without power from a step of the store on.
+struct Cut(MemoryFlash, u32);
+
+impl embedded_storage::nor_flash::ErrorType for Cut {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for Cut {
+    const READ_SIZE: usize = MemoryFlash::READ_SIZE;
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NorFlashErrorKind> {
+        self.0.read(offset, bytes).map_err(|e| e.kind())
+    }
+    fn capacity(&self) -> usize {
+        self.0.capacity()
+    }
+}
+
+impl Cut {
+    fn step(&mut self) -> Result<(), NorFlashErrorKind> {
+        self.1 = self.1.checked_sub(1).ok_or(NorFlashErrorKind::Other)?;
+        Ok(())
+    }
+}
+
+impl NorFlash for Cut {
+    const WRITE_SIZE: usize = MemoryFlash::WRITE_SIZE;
+    const ERASE_SIZE: usize = MemoryFlash::ERASE_SIZE;
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), NorFlashErrorKind> {
+        self.step()?;
+        self.0.erase(from, to).map_err(|e| e.kind())
+    }
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NorFlashErrorKind> {
+        self.step()?;
+        self.0.write(offset, bytes).map_err(|e| e.kind())
+    }
+}
+
+/// The power goes at any step of a store: no image runs whose counter is above the lowest one that the board still takes, and the same
+/// upload can be sent again.
+#[test]
+fn the_counter_is_raised_before_the_image_is_in_force() {
+    let mut cut = 0;
+    for steps in 0.. {
+        let mut challenges = 0;
+        let challenge = move || {
+            challenges += 1;
+            [challenges; 16]
+        };
+        let trust = Keyed { public_key: signer().public().bytes(), model: MODEL, lowest_counter: 5, challenge };
+        let gyro = Gyro::of(&Image::decode(PAPER).unwrap(), 4);
+        let mut banks = Banks::new(Cut(MemoryFlash::new(), steps), 0, MemoryFlash::BANK).unwrap();
+        let mut upload = Upload::new(trust);
+        let mut say = |message: Message, banks: &mut Banks<Cut>| upload.handle(&message, banks, &gyro).unwrap().message;
+        let Message::Challenge(asked) = say(Message::Service(Change::Commit), &mut banks) else { panic!() };
+        say(Message::Answer(signer().answer(&gyro.serial, gyro.axis, Message::COMMIT, &asked)), &mut banks);
+        let bytes = signed(&signer(), &image(1), MODEL, 9);
+        for piece in Message::pieces(&bytes) {
+            say(piece, &mut banks);
+        }
+        let commit = Message::Commit(Commit { len: bytes.len() as u16, trial: false });
+        let done = matches!(say(commit, &mut banks), Message::Reply(reply) if reply.code == ReplyCode::Done);
+        let runs = banks.load(&gyro).origin == Origin::Newest;
+        assert!(!runs || upload.trust().lowest_counter == 9, "cut after {steps}");
+        // With power again.
+        let mut banks = Banks::new(Cut(banks.into_flash().0, u32::MAX), 0, MemoryFlash::BANK).unwrap();
+        if !runs {
+            let again = upload.handle(&commit, &mut banks, &gyro).unwrap().message;
+            assert!(matches!(again, Message::Reply(reply) if reply.code == ReplyCode::Done), "cut after {steps}");
+        }
+        assert_eq!(upload.trust().lowest_counter, 9);
+        if done {
+            break;
+        }
+        cut += 1;
+    }
+    assert!(cut > 10, "{cut}");
+}
+
+/// An intact image that the banks refuse does not raise the counter: one for another gyro would shut out this one's.
+#[test]
+fn a_refused_image_does_not_raise_the_counter() {
+    let mut bench = Bench::new();
+    bench.open();
+    let own = Image::decode(&image(1)).unwrap();
+    let other = Image::new(Description { axis: b'y', ..*own.description() }).unwrap();
+    let mut bytes = vec![0; other.encoded_len()];
+    other.encode(&mut bytes).unwrap();
+    assert_eq!(bench.commit(&signed(&signer(), &bytes, MODEL, 9), false), ReplyCode::Mismatch);
+    assert_eq!(bench.upload.trust().lowest_counter, 5);
+}
+
+/// A trial over a trial would erase the only confirmed image.
+#[test]
+fn an_upload_over_a_trial_is_refused() {
+    let mut bench = Bench::with(NoKey);
+    assert_eq!(bench.commit(&image(1), false), ReplyCode::Done);
+    assert_eq!(bench.commit(&image(2), true), ReplyCode::Done);
+    assert_eq!(bench.commit(&image(3), true), ReplyCode::OnTrial);
+    assert_eq!(bench.commit(&image(3), false), ReplyCode::OnTrial);
+    assert_eq!(bench.code(Message::RollBack), ReplyCode::Done);
+    assert_eq!(bench.active(), (1, Origin::Newest));
+    assert_eq!(bench.commit(&image(3), true), ReplyCode::Done);
 }
 
 /// An image signature is no answer and an answer no image signature, whatever the bytes: the first 16 tell them apart.
 #[test]
 fn a_signed_image_is_not_an_answer() {
     let mut bench = Bench::new();
-    let Message::Challenge(_) = bench.send(Message::Service).message else { panic!("no challenge") };
+    let Message::Challenge(_) = bench.send(Message::Service(Change::Commit)).message else { panic!("no challenge") };
     let block = signer().sign(&image(1), MODEL, 9).unwrap();
     assert_eq!(bench.code(Message::Answer(block.signature)), ReplyCode::BadSignature);
 }
@@ -185,7 +342,7 @@ fn a_signed_image_is_not_an_answer() {
 #[test]
 fn a_board_without_a_key_is_open() {
     let mut bench = Bench::with(NoKey);
-    assert_eq!(bench.code(Message::Service), ReplyCode::Done);
+    assert_eq!(bench.code(Message::Service(Change::Commit)), ReplyCode::Done);
     assert_eq!(bench.commit(&image(1), false), ReplyCode::Done);
     assert_eq!(bench.commit(&signed(&signer(), &image(2), MODEL, 1), false), ReplyCode::Done);
     assert_eq!(bench.active(), (2, Origin::Newest));

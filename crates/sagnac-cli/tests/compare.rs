@@ -58,8 +58,8 @@ fn the_tradeoff_marks_the_knee() {
     };
     let out = String::from_utf8(calibrate(&[]).success().get_output().stdout.clone()).unwrap();
     let knee = out.lines().find(|line| line.contains("the knee")).unwrap();
-    // 590 + 23 + 3·78: b₁, b₂ and what makes them zero at T0.
-    assert!(knee.contains("bias 2 ") && knee.contains(" 847 "), "{knee}");
+    // 572 + 15 + 3·77: b₁, b₂ and what makes them zero at T0.
+    assert!(knee.contains("bias 2 ") && knee.contains(" 818 "), "{knee}");
     calibrate(&["--model", "bias 2"]).code(2);
 }
 

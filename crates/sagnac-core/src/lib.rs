@@ -57,8 +57,7 @@ mod watch;
 mod work;
 
 pub use bank::{
-    BANK_LEN, BankReport, Banks, Gyro, ImageMismatch, Loaded, MAX_SEQUENCE, Origin, REGION_ALIGNMENT, StoreError,
-    TRIAL_STARTS,
+    BANK_LEN, BankReport, Banks, Gyro, ImageMismatch, Loaded, Origin, REGION_ALIGNMENT, StoreError, TRIAL_STARTS,
 };
 pub use codec::{DecodeError, FORMAT_MINOR, FORMAT_VERSION, MAGIC, MAX_IMAGE_LEN};
 pub use compensator::{Compensator, MAX_RAW, Misuse, Output, State};

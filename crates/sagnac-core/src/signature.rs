@@ -34,7 +34,7 @@ const SIGNED_HEAD: usize = 48;
 const BLOCK_MAGIC: [u8; 8] = *b"SAGNACSG";
 const BLOCK_VERSION: u16 = 1;
 const IMAGE_DOMAIN: [u8; 16] = *b"SAGNAC-IMAGE-1\0\0";
-const SERVICE_DOMAIN: [u8; 16] = *b"SAGNAC-SERVICE-1";
+const SERVICE_DOMAIN: [u8; 16] = *b"SAGNAC-SERVICE-2";
 /// Bytes of a challenge of the service mode.
 pub const CHALLENGE_LEN: usize = 16;
 
@@ -81,11 +81,11 @@ pub fn key_id(public_key: &[u8; 32]) -> [u8; 16] {
     hash.first_chunk::<16>().copied().unwrap_or([0; 16])
 }
 
-/// What the answer to a challenge signs: `"SAGNAC-SERVICE-1" ‖ serial ‖ axis ‖ challenge`. An answer is of no use on another gyro, and
-/// no image can be made of it.
-pub fn service_message(serial: &[u8; 32], axis: u8, challenge: &[u8; CHALLENGE_LEN]) -> SignedMessage {
-    // 65 bytes fit.
-    SignedMessage::of(&[&SERVICE_DOMAIN, serial, &[axis], challenge])
+/// What the answer to a challenge signs: `"SAGNAC-SERVICE-2" ‖ serial ‖ axis ‖ change ‖ challenge`. An answer is of no use on another gyro or
+/// for another change (the kind of its message), and no image can be made of it.
+pub fn service_message(serial: &[u8; 32], axis: u8, change: u8, challenge: &[u8; CHALLENGE_LEN]) -> SignedMessage {
+    // 66 bytes fit.
+    SignedMessage::of(&[&SERVICE_DOMAIN, serial, &[axis, change], challenge])
         .unwrap_or(SignedMessage { bytes: [0; IMAGE_DOMAIN.len() + SIGNED_HEAD + MAX_IMAGE_LEN], len: 0 })
 }
 

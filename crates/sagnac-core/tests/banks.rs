@@ -2,8 +2,8 @@
 
 use crate::flash::{Dice, Fault, Flash};
 use sagnac_core::{
-    BANK_LEN, BankReport, Banks, Description, Gain, Gyro, Image, ImageMismatch, InputSpec, Kind, MAX_SEQUENCE,
-    MAX_TERMS, Multiplier, Origin, Shape, StoreError, TRIAL_STARTS, Term,
+    BANK_LEN, BankReport, Banks, Description, Gain, Gyro, Image, ImageMismatch, InputSpec, Kind, MAX_TERMS, Multiplier,
+    Origin, Shape, StoreError, TRIAL_STARTS, Term,
 };
 use sha2::{Digest, Sha256};
 
@@ -202,7 +202,7 @@ fn an_image_for_another_gyro_is_refused_by_store_and_load() {
             ImageMismatch::ScaleTooLarge,
         ),
         (
-            // 590 + 23 + 32·(78 + 126).
+            // 572 + 15 + 32·(77 + 112).
             with(|d| {
                 let sine = Term { shape: Shape::Sine { turns_q18: 1 }, mantissa: 1, shift: 40, ..Term::ZERO };
                 (d.terms, d.term_count) = ([sine; MAX_TERMS], MAX_TERMS as u8);
@@ -218,10 +218,17 @@ fn an_image_for_another_gyro_is_refused_by_store_and_load() {
         (foreign.largest_increment, foreign.largest_scale, foreign.largest_work) = (i64::MAX, i64::MAX, u32::MAX);
         banks.store(&foreign, &other).unwrap();
         let loaded = banks.load(&gyro());
-        assert_eq!((loaded.origin, loaded.banks[0]), (Origin::FactoryDefaults, BankReport::Mismatch(why)));
+        assert_eq!(
+            (loaded.origin, loaded.banks[0]),
+            (Origin::FactoryDefaults, BankReport::Mismatch { stored: 1, mismatch: why })
+        );
         banks.store(&gyro(), &own).unwrap();
         let loaded = banks.load(&gyro());
-        assert_eq!((loaded.image, loaded.banks[0]), (own, BankReport::Mismatch(why)), "the other bank is used first");
+        assert_eq!(
+            (loaded.image, loaded.banks[0]),
+            (own, BankReport::Mismatch { stored: 1, mismatch: why }),
+            "the other bank is used first"
+        );
     }
 }
 
@@ -397,7 +404,7 @@ fn a_copied_bank_is_a_survivor() {
 
 fn start<const U: usize, const S: usize>(flash: Flash<U, S>) -> (Flash<U, S>, Image, bool) {
     let mut banks = banks(flash);
-    let loaded = banks.start(&gyro());
+    let loaded = banks.start(&gyro(), 0);
     (banks.into_flash(), loaded.image, loaded.trial)
 }
 
@@ -535,17 +542,148 @@ fn the_number_of_a_store_goes_round() {
     }
 }
 
-/// An image at the end of its own numbers is refused by store and load alike, so that it cannot shut out every later one.
+/// An image's own number has no end either: over the line none can be the last one for ever, and an older one still does not return.
 #[test]
-fn an_image_at_the_end_of_its_numbers_is_refused() {
+fn the_own_number_of_an_image_goes_round() {
     let mut dice = Dice(6);
-    let (last, next) = (image(MAX_SEQUENCE, &mut dice), image(MAX_SEQUENCE + 1, &mut dice));
+    let numbers = [4_294_901_760, u32::MAX, 1, 1 << 31, u32::MAX - 5, 7];
+    let mut banks = banks(Flash::<8, 1024>::new(1));
+    for (before, number) in [0].iter().chain(&numbers).zip(&numbers) {
+        let new = image(*number, &mut dice);
+        banks.store(&gyro(), &new).unwrap();
+        assert_eq!(banks.load(&gyro()).image, new);
+        for older in [0, *number, number.wrapping_sub(1), number.wrapping_sub((1 << 31) - 1), *before] {
+            let error = StoreError::NotNewer { active: *number, offered: older };
+            assert_eq!(banks.store(&gyro(), &image(older, &mut dice)), Err(error));
+        }
+    }
+}
+
+/// A trial over a trial would erase the only confirmed image: refused, on trial or not, until the first is confirmed or withdrawn.
+/// SAG-CORE-030
+#[test]
+fn the_only_confirmed_image_is_never_erased() {
+    let mut dice = Dice(12);
+    let images = [1, 2, 3].map(|sequence| image(sequence, &mut dice));
+    let (flash, _) = apply(Flash::<8, 1024>::new(3), &Update::Store(images[0]));
+    let (flash, _) = on_trial(flash, &images[1]);
+    for confirmed in [false, true] {
+        let mut banks = banks(flash.clone());
+        assert_eq!(banks.store_on_trial(&gyro(), &images[2]), Err(StoreError::OnTrial));
+        assert_eq!(banks.store(&gyro(), &images[2]), Err(StoreError::OnTrial));
+        assert_eq!(banks.check(&gyro(), &images[2]), Err(StoreError::OnTrial));
+        if confirmed {
+            banks.confirm(&gyro()).unwrap();
+        } else {
+            banks.roll_back(&gyro()).unwrap();
+        }
+        banks.store_on_trial(&gyro(), &images[2]).unwrap();
+        for _ in 0..TRIAL_STARTS {
+            assert_eq!(banks.start(&gyro(), 0).image, images[2]);
+        }
+        let back = banks.start(&gyro(), 0);
+        assert_eq!((back.image, back.trial), (images[usize::from(confirmed)], false));
+    }
+}
+
+/// Two trials of a gyro that never had a confirmed image: nothing is lost.
+#[test]
+fn trials_without_a_confirmed_image_replace_each_other() {
+    let mut dice = Dice(13);
+    let mut flash = Flash::<8, 1024>::new(3);
+    for sequence in 1..6 {
+        let image = image(sequence, &mut dice);
+        let (after, done) = on_trial(flash, &image);
+        assert!(done && active(&after) == (image, Origin::Newest));
+        flash = after;
+    }
+}
+
+/// Firmware with lower limits refuses both images and stores a third; firmware with the old limits then runs the third: the numbers of
+/// refused images count.
+#[test]
+fn an_older_image_does_not_win_after_a_change_of_limits() {
+    for seed in 0..100_u64 {
+        let mut dice = Dice(seed);
+        let large = |sequence: u32, dice: &mut Dice| {
+            let mut d = *image(sequence, dice).description();
+            (d.terms[0], d.term_count) = (Term { mantissa: 1 << 30, shift: 25, ..Term::ZERO }, 1);
+            Image::new(d).unwrap()
+        };
+        let images = [large(10, &mut dice), large(11, &mut dice)];
+        let small = Image::new(Description { sequence: 12, serial: gyro().serial, ..Description::empty() });
+        let wide = Gyro { largest_increment: i64::MAX, ..gyro() };
+        let narrow = Gyro { largest_increment: 1 << 20, ..gyro() };
+        let mut banks = banks(Flash::<8, 1024>::new(seed));
+        for image in &images[seed as usize % 2..] {
+            banks.store(&wide, image).unwrap();
+        }
+        assert_eq!(banks.load(&narrow).origin, Origin::FactoryDefaults);
+        banks.store(&narrow, &small.unwrap()).unwrap();
+        let loaded = banks.load(&wide);
+        assert_eq!((loaded.image.description().sequence, loaded.origin), (12, Origin::Newest), "seed {seed}");
+        // The older of two refused images was overwritten.
+        assert!(loaded.banks.iter().any(|bank| matches!(bank, BankReport::Valid { sequence: 11, .. })), "seed {seed}");
+    }
+}
+
+/// No bank can be read: nothing is erased, and both images are there when it can be read again. One that cannot is overwritten.
+/// SAG-CORE-030
+#[test]
+fn nothing_is_erased_while_neither_bank_can_be_read() {
+    let mut dice = Dice(14);
+    let images = [1, 2, 3].map(|sequence| image(sequence, &mut dice));
     let mut flash = Flash::<8, 1024>::new(1);
-    by_hand(&mut flash, 0, 1, &next);
+    for image in &images[..2] {
+        flash = apply(flash, &Update::Store(*image)).0;
+    }
+    let dark = Flash { unreadable: 0..2 * LEN as usize, ..flash.clone() };
+    let mut refused = banks(dark);
+    assert!(matches!(refused.store(&gyro(), &images[2]), Err(StoreError::Flash(_))));
+    let after = Flash { unreadable: 0..0, ..refused.into_flash() };
+    assert_eq!(after.bytes, flash.bytes);
+    // A commit word torn to something unreadable, on flash with error correction, is erased with its bank.
+    let torn = Flash { unreadable: LEN as usize..LEN as usize + 8, ..flash };
+    assert_eq!(active(&torn), (images[0], Origin::Survivor));
+    let mut banks = banks(torn);
+    assert!(!matches!(banks.check(&gyro(), &images[2]), Err(StoreError::Flash(_))));
+}
+
+/// An image with which the watchdog resets the board: after four resets in a row the one before it runs, after eight none. Flash stays as
+/// it is: after a start without such resets the newest runs again. A store replaces the bad one.
+/// SAG-CORE-029
+#[test]
+fn a_bad_image_makes_no_watchdog_loop() {
+    let mut dice = Dice(15);
+    let images = [1, 2, 3].map(|sequence| image(sequence, &mut dice));
+    let mut flash = Flash::<8, 1024>::new(1);
+    for image in &images[..2] {
+        flash = apply(flash, &Update::Store(*image)).0;
+    }
+    let before = flash.bytes.clone();
     let mut banks = banks(flash);
-    let refused = ImageMismatch::SequenceAtEnd;
-    assert_eq!(banks.store(&gyro(), &next), Err(StoreError::Mismatch(refused)));
-    assert_eq!(banks.load(&gyro()).banks[0], BankReport::Mismatch(refused));
-    banks.store(&gyro(), &last).unwrap();
-    assert_eq!(banks.load(&gyro()).image, last);
+    for resets in 0..20 {
+        let loaded = banks.start(&gyro(), resets);
+        let wanted = match resets {
+            0..4 => (images[1], Origin::Newest),
+            4..8 => (images[0], Origin::Survivor),
+            _ => (gyro().factory_defaults(), Origin::FactoryDefaults),
+        };
+        assert_eq!((loaded.image, loaded.origin), wanted, "{resets} resets");
+        assert_eq!(banks.load(&gyro()).image, wanted.0, "it stays set aside until the next start");
+    }
+    let loaded = banks.start(&gyro(), 4);
+    assert_eq!(loaded.banks, [BankReport::Valid { stored: 1, sequence: 1 }, BankReport::SetAside { stored: 2 }]);
+    banks.store(&gyro(), &images[2]).unwrap();
+    let loaded = banks.load(&gyro());
+    assert_eq!((loaded.image, loaded.origin), (images[2], Origin::Newest));
+    assert_eq!(
+        loaded.banks,
+        [BankReport::Valid { stored: 1, sequence: 1 }, BankReport::Valid { stored: 3, sequence: 3 }]
+    );
+    // By hand: the bad one is withdrawn for good.
+    let mut again = Banks::new(Flash::<8, 1024> { bytes: before, ..banks.into_flash() }, 0, LEN).unwrap();
+    again.start(&gyro(), 4);
+    assert_eq!(again.roll_back(&gyro()), Ok(images[0]));
+    assert_eq!(again.start(&gyro(), 0).image, images[0]);
 }

@@ -40,7 +40,8 @@
 //!
 //! Counts are valid only while the loop is LOCKED; all other outputs have [`PathLengthStatus::INVALID`].
 //!
-//! Limit: a resonance between one and two times the modulation turns the second harmonic too. Such a loop refuses to lock;
+//! Limits: a modulation that reaches the photodiode's amplifier by itself, with a second harmonic of 0.1 % of the light, looks like a peak
+//! while the photodiode is stuck. [`PathLength::is_heard`] finds it at power-on, before the lamp burns. A resonance between one and two times the modulation turns the second harmonic too. Such a loop refuses to lock;
 //! it cannot lock on a trough, because there the two turns cancel.
 
 use crate::gain::{LoopGain, codes, held, q32};
@@ -277,6 +278,20 @@ impl PathLength {
         };
         state.phase = self.begin(&mut state);
         state
+    }
+
+    /// With the lamp off: the modulation reaches the photodiode's code by itself, and could pass for a peak.
+    ///
+    /// `second_sum`: the sum of [`PathLengthState::second_harmonic`] over so many `periods`, at least [`Self::hearing_periods`], in which this
+    /// loop's ticks drove the modulation. A peak at the least light that the loop takes for light would give twice as much.
+    pub fn is_heard(&self, second_sum: i64, periods: u32) -> bool {
+        let least = self.dark_sum.saturating_mul(i64::from(self.least_curvature_q8)) >> 9;
+        second_sum.saturating_abs() >= least.saturating_mul(i64::from(periods)).max(1)
+    }
+
+    /// Periods after which the photodiode's noise is no crosstalk: 16 lock times.
+    pub const fn hearing_periods(&self) -> u32 {
+        self.lock_periods.saturating_mul(16)
     }
 
     pub(crate) fn middle_q32(&self) -> i64 {

@@ -65,6 +65,11 @@ impl Stripper {
         }
     }
 
+    /// The same as it was before its first tick.
+    pub const fn at_start(&self) -> Self {
+        Self::new(self.longest, self.least_swing)
+    }
+
     /// False from the moment on at which no dither is found, at most `longest` ticks after it ended; true again with the next stretch
     /// and period that have it. True before the first of them.
     pub const fn has_dither(&self) -> bool {

@@ -197,6 +197,57 @@ fn a_photodiode_that_gets_stuck_is_found_out() {
     }
 }
 
+/// Crosstalk of the modulation: a second harmonic in the photodiode's code, so much of the light of the peak, with this phase. Whether the loop
+/// reads LOCKED on a stuck photodiode, and whether the check with the lamp off finds the crosstalk.
+fn with_crosstalk(gyro: &mut Gyro, share: f64, phase: f64) -> (bool, bool) {
+    let loops = gyro.config.build().unwrap().integers;
+    let period = f64::from(loops.ticks_per_period());
+    let amplitude = share * gyro.config.peak_code;
+    let code = |tick: u32, light: f64, noise: f64| {
+        let crosstalk = amplitude * (2.0 * std::f64::consts::TAU * f64::from(tick) / period + phase).cos();
+        (light + crosstalk + noise).round() as i32
+    };
+    let stuck = gyro.dice.within(0.5, 1.0) * gyro.config.peak_code;
+    let mut state = loops.start();
+    let mut locks = false;
+    for tick in 0..40_000 {
+        loops.tick(&mut state, code(tick, stuck, 0.0));
+        locks |= matches!(state.phase(), PathLengthPhase::Locked { .. });
+    }
+    let (mut state, mut sum, mut periods, mut tick) = (loops.start(), 0, 0, 0);
+    while periods < loops.hearing_periods() {
+        let noise = gyro.config.noise * gyro.config.peak_code * gyro.dice.normal();
+        loops.tick(&mut state, code(tick, 0.0, noise));
+        tick += 1;
+        if state.begins_period() {
+            (sum, periods) = (sum + state.second_harmonic(), periods + 1);
+        }
+    }
+    (locks, loops.is_heard(sum, periods))
+}
+
+/// A modulation that reaches the amplifier of a stuck photodiode looks like a peak. With the lamp off it shows; a sound photodiode and its
+/// noise do not.
+#[test]
+fn crosstalk_that_looks_like_a_peak_is_heard_with_the_lamp_off() {
+    let (mut locked, mut heard) = (0, 0);
+    for seed in 0..150 {
+        for phase in 0..8 {
+            let mut gyro = Gyro::random(seed, seed % 2 == 0);
+            let share = gyro.dice.within(1e-4, 5e-3);
+            let (locks, is_heard) = with_crosstalk(&mut gyro, share, f64::from(phase) * std::f64::consts::FRAC_PI_4);
+            assert!(
+                is_heard || !locks,
+                "{seed}, phase {phase}, {share}: locks on crosstalk that the check does not hear"
+            );
+            (locked, heard) = (locked + u32::from(locks), heard + u32::from(is_heard));
+        }
+        let mut sound = Gyro::random(seed, seed % 2 == 0);
+        assert_eq!(with_crosstalk(&mut sound, 0.0, 0.0), (false, false), "{seed}: noise is heard");
+    }
+    assert!(locked > 100 && heard < 1200, "{locked} locked, {heard} heard");
+}
+
 /// A modulation that shows no peak is refused where the loop is designed, with the one that would do.
 #[test]
 fn a_modulation_that_shows_nothing_is_refused() {

@@ -89,9 +89,9 @@ impl Signer {
         Some(block)
     }
 
-    /// The answer to a challenge of a gyro's service mode.
-    pub fn answer(&self, serial: &[u8; 32], axis: u8, challenge: &[u8; 16]) -> [u8; 64] {
-        self.0.sign(service_message(serial, axis, challenge).bytes()).to_bytes()
+    /// The answer to a challenge of a gyro's service mode. `change`: kind of the message that it is for.
+    pub fn answer(&self, serial: &[u8; 32], axis: u8, change: u8, challenge: &[u8; 16]) -> [u8; 64] {
+        self.0.sign(service_message(serial, axis, change, challenge).bytes()).to_bytes()
     }
 }
 

@@ -12,8 +12,8 @@ use embedded_hal::pwm::SetDutyCycle;
 use embedded_hal::spi::{Operation, SpiDevice};
 use embedded_io::{Read, ReadReady, Write as _};
 use sagnac_board::{
-    Action, ActuatorCodes, Axis, Board, CommandHandler, Converters, FringeCounter, Line, MemoryFlash, Message,
-    PwmOutput, Sample, SpiDac, StartCause, TickClock, run,
+    Action, ActuatorCodes, Axis, Board, BoardSetup, CommandHandler, Converters, FringeCounter, Line, MemoryFlash,
+    Message, PwmOutput, Sample, SpiDac, StartCause, TickClock, run,
 };
 use sagnac_core::{
     Banks, Compensator, Description, Gyro, Image, MAX_IMAGE_LEN, State, Status, Trust, Trusted, Watch, WatchSpec, vote,
@@ -147,7 +147,7 @@ pub extern "C" fn sagnac_board_everything(input: &[u8; TABLE_LEN], gyro: &Gyro, 
     if let Err(error) = banks.store(gyro, image).and_then(|()| banks.store_on_trial(gyro, image)) {
         let _ = write!(Nowhere, "{error}");
     }
-    black_box(banks.start(gyro));
+    black_box(banks.start(gyro, black_box(5)));
     if let Err(error) = banks.confirm(gyro) {
         let _ = write!(Nowhere, "{error}");
     }
@@ -296,8 +296,9 @@ impl SpiDevice for Unknown {
 pub extern "C" fn sagnac_hardware_everything(input: &[u8; TABLE_LEN], gyro: &Gyro) -> i32 {
     let Some(banks) = Banks::new(black_box(MemoryFlash::new()), 0, black_box(MemoryFlash::BANK)) else { return -1 };
     let Ok(table) = LoopTable::decode(black_box(input)) else { return -2 };
-    let Ok((mut line, loaded)) = Line::power_on(Unknown, banks, *gyro, Keyed) else { return -3 };
-    let board = Board::new(StartCause::PowerOn, loaded.image, loaded.origin, &table, (false, false), None);
+    let Ok((mut line, loaded)) = Line::power_on(Unknown, banks, *gyro, Keyed, 0) else { return -3 };
+    let setup = BoardSetup { loops: table, stripper: Some(Stripper::new(50, 1000)), watch: black_box(None) };
+    let board = Board::new(StartCause::PowerOn, loaded.image, loaded.origin, &setup, (false, false));
     let mut axis = Axis::new(board, Unknown, Unknown, Unknown);
     black_box(axis.converters().sample());
     axis.board().make_up(black_box(70_000));
@@ -306,8 +307,9 @@ pub extern "C" fn sagnac_hardware_everything(input: &[u8; TABLE_LEN], gyro: &Gyr
     }
     black_box(line.poll(|loaded| axis.board().use_loaded(loaded)).is_ok());
     black_box(line.quiet(|loaded| axis.board().use_loaded(loaded)).is_ok());
-    if !axis.board().is_intact(&table) {
-        axis.board().mend(&line.load(), &table);
+    line.second();
+    if !axis.board().is_intact(&setup) {
+        axis.board().mend(&line.load(), &setup);
     }
     let Some(mut width) = PwmOutput::new(Unknown, black_box(-5), black_box(5)) else { return -4 };
     black_box(width.set(black_box(1)).is_ok());

@@ -26,10 +26,9 @@ use cortex_m::interrupt::{Mutex, free};
 use cortex_m::peripheral::{NVIC, SCB};
 use cortex_m_rt::{entry, exception};
 use heapless::Deque;
-use sagnac_board::{Axis, Board, Line, OutputFrame, StartCause};
+use sagnac_board::{Axis, Board, BoardSetup, Line, OutputFrame, StartCause};
 use sagnac_core::{Banks, NoKey};
-use sagnac_loops::LoopTable;
-use stm32f4::stm32f407::{IWDG, Interrupt, Peripherals, RCC, TIM4, interrupt};
+use stm32f4::stm32f407::{IWDG, Interrupt, Peripherals, RTC, TIM4, interrupt};
 
 use converters::{Desk, Parts};
 use flash::Internal;
@@ -95,8 +94,8 @@ unsafe fn HardFault(_: &cortex_m_rt::ExceptionFrame) -> ! {
 
 #[entry]
 fn main() -> ! {
-    if let Some((line, loops, watchdog)) = power_on() {
-        run(line, &loops, &watchdog);
+    if let Some((line, setup, watchdog, clock)) = power_on() {
+        run(line, &setup, &watchdog, &clock);
     }
     // No crystal, or no table of the loops: nothing may be driven. The watchdog, if it runs already, tries again.
     loop {
@@ -106,27 +105,45 @@ fn main() -> ! {
 
 type BoardLine = Line<Serial, Internal, NoKey>;
 
-/// Power-on or a reset, by the flags of the processor, which are cleared for the next time. No clock of this board runs through a reset.
-fn how_it_began(rcc: &RCC) -> StartCause {
-    let began = rcc.csr().read();
-    rcc.csr().modify(|_, w| w.rmvf().set_bit());
-    if began.porrstf().bit_is_set() { StartCause::PowerOn } else { StartCause::Reset { since_power_on_s: None } }
+/// Power-on or a reset, by the flags of the processor, which are cleared for the next time; and how many resets by the watchdog there were in a
+/// row, in a register that a reset leaves alone. No clock of this board runs through a reset.
+fn how_it_began(parts: &Peripherals) -> (StartCause, u32) {
+    let began = parts.RCC.csr().read();
+    parts.RCC.csr().modify(|_, w| w.rmvf().set_bit());
+    // The register can be written from here on (RM0090, 5.1.2).
+    parts.RCC.apb1enr().modify(|_, w| w.pwren().enabled());
+    parts.PWR.cr().modify(|_, w| w.dbp().set_bit());
+    let is_power_on = began.porrstf().bit_is_set();
+    let before = if is_power_on { 0 } else { watchdog_resets(&parts.RTC) };
+    let resets = before.saturating_add(u32::from(began.wdgrstf().bit_is_set()));
+    set_watchdog_resets(&parts.RTC, resets);
+    (if is_power_on { StartCause::PowerOn } else { StartCause::Reset { since_power_on_s: None } }, resets)
+}
+
+fn watchdog_resets(clock: &RTC) -> u32 {
+    clock.bkpr(0).read().bkp().bits()
+}
+
+fn set_watchdog_resets(clock: &RTC, to: u32) {
+    // SAFETY: any number may stand in this register.
+    clock.bkpr(0).write(|w| unsafe { w.bkp().bits(to) });
 }
 
 /// Everything up to the first tick.
 #[inline(never)]
-fn power_on() -> Option<(BoardLine, LoopTable, IWDG)> {
+fn power_on() -> Option<(BoardLine, BoardSetup, IWDG, RTC)> {
     let parts = Peripherals::take()?;
     start_watchdog(&parts.IWDG);
+    let (cause, resets) = how_it_began(&parts);
     clocks::start(&parts.RCC, &parts.FLASH, &parts.PWR)?;
-    let loops = flash::loops()?;
+    let setup = BoardSetup { loops: flash::loops()?, stripper: None, watch: None };
     let port = Serial::start(&parts.RCC, &parts.GPIOA, parts.USART2, parts.DMA1);
     let banks = Banks::new(Internal::new(parts.FLASH), 0, flash::BANK)?;
-    let (line, loaded) = Line::power_on(port, banks, identity::gyro(), NoKey).ok()?;
+    let (line, loaded) = Line::power_on(port, banks, identity::gyro(), NoKey, resets).ok()?;
     let of = Parts { rcc: &parts.RCC, port_a: &parts.GPIOA, port_c: &parts.GPIOC, common: &parts.ADC_COMMON };
     let desk = Desk::start(&of, parts.ADC1, parts.DAC, parts.TIM1)?;
     let (encoder, ticks) = fringes::start(&parts.RCC, &parts.GPIOA, parts.TIM2, &parts.TIM4, parts.TIM5);
-    let mut board = Board::new(how_it_began(&parts.RCC), loaded.image, loaded.origin, &loops, (false, false), None);
+    let mut board = Board::new(cause, loaded.image, loaded.origin, &setup, (false, false));
     board.use_loaded(&loaded);
     let axis = Axis::new(board, encoder, ticks, desk);
     free(|cs| {
@@ -135,7 +152,7 @@ fn power_on() -> Option<(BoardLine, LoopTable, IWDG)> {
         }
     });
     start_ticks(&parts.TIM4);
-    Some((line, loops, parts.IWDG))
+    Some((line, setup, parts.IWDG, parts.RTC))
 }
 
 fn start_ticks(tick: &TIM4) {
@@ -163,7 +180,7 @@ fn start_watchdog(watchdog: &IWDG) {
 }
 
 /// The main loop.
-fn run(mut line: BoardLine, loops: &LoopTable, watchdog: &IWDG) {
+fn run(mut line: BoardLine, setup: &BoardSetup, watchdog: &IWDG, clock: &RTC) {
     let (mut seen, mut compared, mut heard) = (0, 0, 0_u32);
     loop {
         let now = shared(|shared| shared.ticks).unwrap_or(seen);
@@ -187,14 +204,21 @@ fn run(mut line: BoardLine, loops: &LoopTable, watchdog: &IWDG) {
         }
         if now.wrapping_sub(compared) >= SCRUB_TICKS {
             compared = now;
-            if shared(|shared| shared.axis.board().is_intact(loops)) == Some(false) {
+            line.second();
+            if shared(|shared| shared.axis.board().is_intact(setup)) == Some(false) {
                 let loaded = line.load();
-                shared(|shared| shared.axis.board().mend(&loaded, loops));
+                shared(|shared| shared.axis.board().mend(&loaded, setup));
+            }
+            if now >= MINUTE_TICKS {
+                // The image has proved that the board can live with it.
+                set_watchdog_resets(clock, 0);
             }
         }
         wfi();
     }
 }
 
+/// A board that runs for so long is in no loop of its watchdog.
+const MINUTE_TICKS: u32 = 600_000;
 /// A line that is quiet for so many ticks has ended its frame: 50 ms, about eight of the longest frames.
 const QUIET_TICKS: u32 = 500;

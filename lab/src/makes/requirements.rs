@@ -17,13 +17,15 @@ use crate::places::TRACEABILITY;
 
 const ID: &str = "SAG-CORE-";
 /// Requirements that the hardware leaves to the processor next to it, and why.
-const NOT_IN_HARDWARE: [(&str, &str); 6] = [
+const NOT_IN_HARDWARE: [(&str, &str); 8] = [
     ("SAG-CORE-019", "the processor that sends the image"),
     ("SAG-CORE-021", "no flash"),
     ("SAG-CORE-022", "no flash"),
     ("SAG-CORE-023", "the processor; the loader compares serial, axis and tick"),
     ("SAG-CORE-026", "one product at a time"),
     ("SAG-CORE-027", "none: block RAM with ECC, or the device's own scrubbing"),
+    ("SAG-CORE-029", "no flash"),
+    ("SAG-CORE-030", "no flash"),
 ];
 
 const HEAD: &str = "# Requirements and where they are met

@@ -1,11 +1,16 @@
 //! The paper's image and the loops of a mirror, as the vectors have them.
 
-use sagnac_loops::LoopTable;
+use sagnac_board::BoardSetup;
+use sagnac_loops::{LoopTable, Stripper};
 
 pub(crate) const PAPER: &[u8] = include_bytes!("../../../../testdata/image/paper.img");
 
 pub(crate) fn loops() -> LoopTable {
     loops_of("path-length-mirror")
+}
+
+pub(crate) fn setup(stripper: Option<Stripper>) -> BoardSetup {
+    BoardSetup { loops: loops(), stripper, watch: None }
 }
 
 pub(crate) fn loops_of(vectors: &str) -> LoopTable {

@@ -9,7 +9,7 @@ use sagnac::calibration::{Calibration, InputSource, UNASSIGNED};
 use sagnac::export::{codes, data_sheet, encode, image_bytes};
 use sagnac::{Error, Result};
 use sagnac_board::{Commit, Message};
-use sagnac_core::{Image, MAX_SEQUENCE, SignatureBlock};
+use sagnac_core::{Image, SignatureBlock};
 use sagnac_log::ingest::{hex, sha256};
 use sagnac_log::write::write_bytes;
 use sagnac_loops::{LoopTable, TABLE_MAGIC};
@@ -52,7 +52,7 @@ pub(crate) struct Args {
     #[arg(short, long, value_name = "PATH")]
     output: PathBuf,
     /// Sequence number of the image, higher than the one in the gyro [default: 1]
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_SEQUENCE)))]
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..))]
     sequence: Option<u32>,
     #[command(flatten)]
     signature: SignArgs,

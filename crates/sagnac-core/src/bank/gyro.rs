@@ -4,10 +4,6 @@ use core::fmt;
 
 use crate::image::{Description, Image, Kind};
 
-/// Highest sequence number of an image that a board takes. What comes after it is kept free, so that no image over the line can be the
-/// last one for ever.
-pub const MAX_SEQUENCE: u32 = u32::MAX - 0xffff;
-
 /// What the board knows about its gyro without an image, from a fuse or its configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Gyro {
@@ -49,8 +45,6 @@ pub enum ImageMismatch {
     ScaleTooLarge,
     /// Its slow update has more instructions than [`Gyro::largest_work`].
     WorkTooLarge,
-    /// Its sequence number is above [`MAX_SEQUENCE`]: too near to the end for newer images to follow.
-    SequenceAtEnd,
 }
 
 impl fmt::Display for ImageMismatch {
@@ -62,7 +56,6 @@ impl fmt::Display for ImageMismatch {
             Self::ScaleFactor => "made for another scale factor",
             Self::Quantum => "made for another quantum",
             Self::BiasTooLarge => "its bias terms reach beyond the largest drift of this gyro",
-            Self::SequenceAtEnd => "its sequence number is so high that no newer image could follow",
             Self::WorkTooLarge => "its slow update takes more instructions than this board has time for",
             Self::ScaleTooLarge => "its scale terms reach beyond the largest scale-factor change of this gyro",
         })
@@ -105,7 +98,6 @@ impl Gyro {
             (image.reach(Kind::Bias) <= self.largest_increment, ImageMismatch::BiasTooLarge),
             (image.reach(Kind::Scale) <= self.largest_scale, ImageMismatch::ScaleTooLarge),
             (image.work().instructions() <= self.largest_work, ImageMismatch::WorkTooLarge),
-            (d.sequence <= MAX_SEQUENCE, ImageMismatch::SequenceAtEnd),
         ];
         rules.iter().find(|(holds, _)| !holds).map_or(Ok(()), |(_, mismatch)| Err(*mismatch))
     }

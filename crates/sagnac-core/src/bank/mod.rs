@@ -15,8 +15,14 @@
 //! An image that is stored on trial is in force until [`Banks::confirm`], or until it has been started [`TRIAL_STARTS`] times without it: an
 //! image with which the board does not live long enough to be confirmed goes by itself. Call [`Banks::start`] at power-on; it counts.
 //!
-//! A store refuses an image whose own sequence number is not above that of the active one, so an old file cannot return by mistake. Use
-//! [`Banks::roll_back`] to go back. A withdrawn image stays withdrawn, even if the older image is damaged later: the note is next to
+//! A store never erases the only confirmed image: while an image is on trial over a confirmed one, confirm it or roll it back first. It
+//! erases nothing while neither bank can be read.
+//!
+//! An image that makes the board miss its watchdog would do so for ever. [`Banks::start`] takes the number of watchdog resets in a row: from
+//! [`TRIAL_STARTS`] on it sets the active image aside, and from twice as many on the other one too, until power-on or the next store.
+//!
+//! A store refuses an image whose own sequence number is not after that of the active one (RFC 1982: less than 2³¹ above it, over the end of
+//! the numbers as well), so an old file cannot return by mistake, and no number is the last one. Use [`Banks::roll_back`] to go back. A withdrawn image stays withdrawn, even if the older image is damaged later: the note is next to
 //! that image, in four copies, and no erase of the withdrawn bank can remove it. `docs/reference/image-format.md` has the bytes.
 //!
 //! Limits: if both banks are damaged at once the factory defaults run, and [`Loaded::origin`] says so. A damaged commit word looks like
@@ -25,11 +31,12 @@
 mod gyro;
 mod layout;
 
+use core::cmp::Ordering;
 use core::fmt;
 
 use embedded_storage::nor_flash::NorFlash;
 
-pub use gyro::{Gyro, ImageMismatch, MAX_SEQUENCE};
+pub use gyro::{Gyro, ImageMismatch};
 pub use layout::{BANK_LEN, REGION_ALIGNMENT, TRIAL_STARTS};
 
 use crate::codec::DecodeError;
@@ -56,14 +63,55 @@ pub enum BankReport {
         /// Number of the store that wrote it.
         stored: u32,
     },
+    /// A valid image that was running when the watchdog reset the board again and again.
+    SetAside {
+        /// Number of the store that wrote it.
+        stored: u32,
+    },
     /// Commit word, head or image damaged.
     Damaged,
     /// Intact bytes that this code refuses as an image.
-    NoImage(DecodeError),
+    NoImage {
+        /// Number of the store that wrote them.
+        stored: u32,
+        /// Why.
+        error: DecodeError,
+    },
     /// An intact image for another gyro.
-    Mismatch(ImageMismatch),
+    Mismatch {
+        /// Number of the store that wrote it.
+        stored: u32,
+        /// Why.
+        mismatch: ImageMismatch,
+    },
     /// The flash could not be read.
     Unreadable,
+}
+
+impl BankReport {
+    /// Number of the store that wrote what is intact here; no store has 0.
+    fn stored(&self) -> Option<u32> {
+        let stored = match self {
+            Self::Valid { stored, .. }
+            | Self::Withdrawn { stored }
+            | Self::SetAside { stored }
+            | Self::NoImage { stored, .. }
+            | Self::Mismatch { stored, .. } => *stored,
+            Self::Uncommitted | Self::Damaged | Self::Unreadable => 0,
+        };
+        (stored != 0).then_some(stored)
+    }
+
+    /// Without an active image a store takes the bank of the lower rank: a withdrawn image first (its note is in the other bank), then what
+    /// can never be an image, then what may be one again.
+    const fn rank(&self) -> u8 {
+        match self {
+            Self::Withdrawn { .. } => 0,
+            Self::Uncommitted | Self::Damaged | Self::Valid { .. } => 1,
+            Self::Unreadable => 2,
+            Self::SetAside { .. } | Self::NoImage { .. } | Self::Mismatch { .. } => 3,
+        }
+    }
 }
 
 /// Where the active image comes from.
@@ -71,8 +119,8 @@ pub enum BankReport {
 pub enum Origin {
     /// The newest image that was stored.
     Newest,
-    /// The only usable image: the other bank is damaged, unreadable, for another gyro, or a copy of this one. It may be the older of the
-    /// two.
+    /// The only usable image: the other bank is damaged, unreadable, set aside, for another gyro, or a copy of this one. It may be the older
+    /// of the two.
     Survivor,
     /// No bank holds an image for this gyro. Counts pass through uncorrected.
     #[default]
@@ -97,7 +145,9 @@ pub struct Loaded {
 pub enum StoreError<E> {
     /// The image is for another gyro.
     Mismatch(ImageMismatch),
-    /// The sequence number of the image is not above that of the active one.
+    /// The active image is on trial over a confirmed one, which a store would erase.
+    OnTrial,
+    /// The sequence number of the image is not after that of the active one.
     NotNewer {
         /// Sequence number of the active image.
         active: u32,
@@ -124,8 +174,9 @@ impl<E: fmt::Debug> fmt::Display for StoreError<E> {
         match self {
             Self::Mismatch(mismatch) => write!(f, "{mismatch}"),
             Self::NotNewer { active, offered } => {
-                write!(f, "sequence number {offered} is not above {active}, that of the active image")
+                write!(f, "sequence number {offered} is not after {active}, that of the active image")
             }
+            Self::OnTrial => f.write_str("the active image is on trial: confirm it or roll it back first"),
             Self::NoOlderImage => f.write_str("the other bank holds no image to go back to"),
             Self::NoFreeNote => f.write_str("no place for another note; store an image instead"),
             Self::NotOnTrial => f.write_str("no image is on trial"),
@@ -143,6 +194,8 @@ pub struct Banks<F> {
     flash: F,
     base: u32,
     len: u32,
+    /// Banks whose image the watchdog has shown to be bad.
+    aside: [bool; 2],
 }
 
 /// One bank as found.
@@ -168,7 +221,7 @@ impl<F: NorFlash> Banks<F> {
             && len.checked_rem(erase) == Some(0)
             && len >= BANK_LEN
             && end as usize <= flash.capacity();
-        fits.then_some(Self { flash, base, len })
+        fits.then_some(Self { flash, base, len, aside: [false; 2] })
     }
 
     /// The flash, for other uses.
@@ -176,22 +229,31 @@ impl<F: NorFlash> Banks<F> {
         self.flash
     }
 
-    /// Power-on: the active image for this gyro. An image on trial is marked as started once more; if all its starts are used, it is
+    /// Power-on or reset: the active image for this gyro. An image on trial is marked as started once more; if all its starts are used, it is
     /// withdrawn, and the image before it is active again. Without an image before it, it stays.
     ///
+    /// `watchdog_resets`: resets by the watchdog in a row, from memory that a reset leaves alone; begin again at 0 at power-on and when the
+    /// board has run for a minute. 0 if there is no such memory: then only an image on trial goes by itself.
+    ///
     /// **SAG-CORE-022** An image on trial is withdrawn after four starts without a confirmation.
+    ///
+    /// **SAG-CORE-029** After four watchdog resets in a row the active image is set aside, after eight the other one too.
     #[inline(never)]
-    pub fn start(&mut self, gyro: &Gyro) -> Loaded {
-        let inspected = self.inspect_both(gyro);
-        let current = active(&inspected.map(|bank| bank.report));
-        if let Some((bank, inspected)) = current.and_then(|bank| Some((bank, inspected.get(bank)?)))
-            && let BankReport::Valid { stored, .. } = inspected.report
-            && inspected.trial
-        {
-            let start = self.start_of(bank);
+    pub fn start(&mut self, gyro: &Gyro, watchdog_resets: u32) -> Loaded {
+        self.aside = [false; 2];
+        match self.mark_trial(gyro, STARTS_AT, TRIAL_STARTS) {
+            Ok(()) | Err(StoreError::NotOnTrial) => {}
             // All starts are used, or the flash takes no more marks. If it takes no note either, the image stays on trial, and says so.
-            if self.mark(start + STARTS_AT, TRIAL_STARTS, stored).is_err() {
-                let _ = self.roll_back(gyro);
+            Err(_) => {
+                if self.roll_back(gyro).is_ok() {
+                    return self.load(gyro);
+                }
+            }
+        }
+        for _ in 0..(watchdog_resets / TRIAL_STARTS).min(2) {
+            let current = active(&self.inspect_both(gyro).map(|bank| bank.report));
+            if let Some(aside) = current.and_then(|bank| self.aside.get_mut(bank)) {
+                *aside = true;
             }
         }
         self.load(gyro)
@@ -204,12 +266,17 @@ impl<F: NorFlash> Banks<F> {
     /// [`StoreError::Flash`], then it may be on trial or confirmed.
     #[inline(never)]
     pub fn confirm(&mut self, gyro: &Gyro) -> Result<(), StoreError<F::Error>> {
+        self.mark_trial(gyro, CONFIRM_AT, CONFIRMS)
+    }
+
+    /// Programs a mark of the active image's store into a row of its bank, if it is on trial.
+    fn mark_trial(&mut self, gyro: &Gyro, row: u32, units: u32) -> Result<(), StoreError<F::Error>> {
         let inspected = self.inspect_both(gyro);
         let current = active(&inspected.map(|bank| bank.report)).and_then(|bank| Some((bank, inspected.get(bank)?)));
         match current {
             Some((bank, Found { report: BankReport::Valid { stored, .. }, trial: true, .. })) => {
                 let start = self.start_of(bank);
-                self.mark(start + CONFIRM_AT, CONFIRMS, *stored)
+                self.mark(start + row, units, *stored)
             }
             _ => Err(StoreError::NotOnTrial),
         }
@@ -248,39 +315,68 @@ impl<F: NorFlash> Banks<F> {
         self.store_as(gyro, image, true)
     }
 
+    /// What a store of this image would answer without touching the flash, so that a counter can be raised before it.
+    ///
+    /// # Errors
+    /// [`StoreError`], but for those of programming and erasing.
+    #[inline(never)]
+    pub fn check(&mut self, gyro: &Gyro, image: &Image) -> Result<(), StoreError<F::Error>> {
+        self.place_for(gyro, image).map(|_| ())
+    }
+
     /// **SAG-CORE-021** A loss of power at any step of a store leaves the old image or the new one in force, never a mixture.
     #[inline(never)]
     fn store_as(&mut self, gyro: &Gyro, image: &Image, trial: bool) -> Result<(), StoreError<F::Error>> {
+        let (target, number) = self.place_for(gyro, image)?;
+        if let Some(aside) = self.aside.get_mut(target) {
+            *aside = false;
+        }
+        self.write(target, number, image, trial)
+    }
+
+    /// The bank for this image, and the number of its store.
+    ///
+    /// **SAG-CORE-030** A store never erases the only confirmed image, and erases nothing while neither bank can be read.
+    fn place_for(&mut self, gyro: &Gyro, image: &Image) -> Result<(usize, u32), StoreError<F::Error>> {
         gyro.accept(image).map_err(StoreError::Mismatch)?;
         let inspected = self.inspect_both(gyro);
         let banks = inspected.map(|bank| bank.report);
-        let current = active(&banks);
-        let sequence_in_use = match current.and_then(|bank| banks.get(bank)) {
-            Some(BankReport::Valid { sequence, .. }) => *sequence,
-            // Replies report the factory defaults as 0, so no image has that number.
-            _ => 0,
-        };
-        let offered = image.description().sequence;
-        if offered <= sequence_in_use {
-            return Err(StoreError::NotNewer { active: sequence_in_use, offered });
+        if banks == [BankReport::Unreadable; 2] {
+            self.read_unit(self.start_of(0) + HEAD_AT)
+                .or_else(|_| self.read_unit(self.start_of(1) + HEAD_AT))
+                .map_err(StoreError::Flash)?;
         }
-        let stored = |report: &BankReport| match report {
-            BankReport::Valid { stored, .. } | BankReport::Withdrawn { stored } => Some(*stored),
+        let current = active(&banks);
+        let other = current.and_then(|bank| inspected.get(1 - bank));
+        let active = match current.and_then(|bank| inspected.get(bank)) {
+            Some(Found { trial: true, .. })
+                if other.is_some_and(|other| matches!(other.report, BankReport::Valid { .. }) && !other.trial) =>
+            {
+                return Err(StoreError::OnTrial);
+            }
+            Some(Found { report: BankReport::Valid { sequence, .. }, .. }) => Some(*sequence),
             _ => None,
         };
-        let numbers = inspected.iter().flat_map(|bank| [stored(&bank.report), bank.withdrawn]).flatten();
+        let offered = image.description().sequence;
+        // Replies report the factory defaults as 0, so no image has that number.
+        if offered == 0 || active.is_some_and(|active| !is_newer(offered, active)) {
+            return Err(StoreError::NotNewer { active: active.unwrap_or(0), offered });
+        }
+        let numbers = inspected.iter().flat_map(|bank| [bank.report.stored(), bank.withdrawn]).flatten();
         let newest = numbers.reduce(|a, b| if is_newer(b, a) { b } else { a }).unwrap_or(0);
-        // Without an active image, overwrite a withdrawn one first (its note is in the other bank), one for another gyro last.
-        let rank = |report: &BankReport| match report {
-            BankReport::Withdrawn { .. } => 0,
-            BankReport::NoImage(_) | BankReport::Mismatch(_) => 2,
-            _ => 1,
-        };
         let target = match (current, &banks) {
             (Some(bank), _) => 1 - bank,
-            (None, [first, second]) => usize::from(rank(second) < rank(first)),
+            (None, [first, second]) => match second.rank().cmp(&first.rank()) {
+                Ordering::Less => 1,
+                Ordering::Greater => 0,
+                // The older of two that may be images again.
+                Ordering::Equal => match (first.stored(), second.stored()) {
+                    (Some(first), Some(second)) => usize::from(is_newer(first, second)),
+                    _ => 0,
+                },
+            },
         };
-        self.write(target, next_number(newest), image, trial)
+        Ok((target, next_number(newest)))
     }
 
     /// Withdraws the active image. The one before it becomes active again and is returned.
@@ -291,14 +387,13 @@ impl<F: NorFlash> Banks<F> {
     #[inline(never)]
     pub fn roll_back(&mut self, gyro: &Gyro) -> Result<Image, StoreError<F::Error>> {
         let inspected = self.inspect_both(gyro);
-        let (older, number) = match inspected.map(|bank| bank.report) {
-            [BankReport::Valid { stored: a, .. }, BankReport::Valid { stored: b, .. }] => {
-                if is_newer(b, a) {
-                    (0, b)
-                } else {
-                    (1, a)
-                }
-            }
+        let number = |report: BankReport| match report {
+            BankReport::Valid { stored, .. } | BankReport::SetAside { stored } => Some(stored),
+            _ => None,
+        };
+        let (older, number) = match inspected.map(|bank| number(bank.report)) {
+            [Some(a), Some(b)] if is_newer(b, a) => (0, b),
+            [Some(a), Some(_)] => (1, a),
             _ => return Err(StoreError::NoOlderImage),
         };
         let start = self.start_of(older);
@@ -376,11 +471,13 @@ impl<F: NorFlash> Banks<F> {
     fn inspect_both(&mut self, gyro: &Gyro) -> [Found; 2] {
         let mut inspected = [self.inspect(0, gyro), self.inspect(1, gyro)];
         let withdrawn = inspected.map(|bank| bank.withdrawn);
-        for (bank, withdrawn) in inspected.iter_mut().zip(withdrawn.iter().rev()) {
-            if let BankReport::Valid { stored, .. } = bank.report
-                && withdrawn.is_some_and(|number| !is_newer(stored, number))
-            {
-                bank.report = BankReport::Withdrawn { stored };
+        for ((bank, withdrawn), aside) in inspected.iter_mut().zip(withdrawn.iter().rev()).zip(self.aside) {
+            if let BankReport::Valid { stored, .. } = bank.report {
+                if withdrawn.is_some_and(|number| !is_newer(stored, number)) {
+                    bank.report = BankReport::Withdrawn { stored };
+                } else if aside {
+                    bank.report = BankReport::SetAside { stored };
+                }
             }
         }
         inspected
@@ -395,7 +492,7 @@ impl<F: NorFlash> Banks<F> {
             Err(_) => without(BankReport::Unreadable),
             Ok(Err(report)) => without(report),
             Ok(Ok((head, image))) => match gyro.accept(&image) {
-                Err(mismatch) => without(BankReport::Mismatch(mismatch)),
+                Err(mismatch) => without(BankReport::Mismatch { stored: head.sequence, mismatch }),
                 Ok(()) => {
                     let (stored, sequence) = (head.sequence, image.description().sequence);
                     let confirmed = self.newest_note(start + CONFIRM_AT, CONFIRMS) == Some(stored);
@@ -433,7 +530,9 @@ impl<F: NorFlash> Banks<F> {
         if head.commit(bytes) != commit {
             return Ok(Err(BankReport::Damaged));
         }
-        Ok(Image::decode(bytes).map(|image| (head, image)).map_err(BankReport::NoImage))
+        Ok(Image::decode(bytes)
+            .map(|image| (head, image))
+            .map_err(|error| BankReport::NoImage { stored: head.sequence, error }))
     }
 }
 

@@ -12,7 +12,7 @@ use core::hint::black_box;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
-use sagnac_board::{ActuatorCodes, Board, Rig, RigSettings, Row, StartCause};
+use sagnac_board::{ActuatorCodes, Board, BoardSetup, Rig, RigSettings, Row, StartCause};
 use sagnac_core::{Compensator, Description, Image, MAX_IMAGE_LEN, Origin, Output, SlowUpdate, State, Status};
 use sagnac_firmware::{finish, host_file, say, stack, unit_loops};
 use sagnac_loops::Stripper;
@@ -71,13 +71,21 @@ fn main() -> ! {
     let _ = gyro.skip(&mut state, slew_ticks);
     let plain = tick_instructions(&gyro, &state, image.description().period_ticks - slew_ticks, 37);
 
-    let mut board =
-        Board::new(StartCause::PowerOn, image, Origin::Newest, &loops, Rig::LEVELS, Some(Stripper::new(50, 1 << 23)));
+    let setup = BoardSetup { loops, stripper: Some(Stripper::new(50, 1 << 23)), watch: None };
+    let mut board = Board::new(StartCause::PowerOn, image, Origin::Newest, &setup, Rig::LEVELS);
     let mut rig = Rig::new(RigSettings { wavelength: 100_000, lamp_gain: 1 << 16, ..RigSettings::default() });
     rig.start_row(Row { ticks: u32::MAX, counts: 0, present: 1, codes: [20 << 24; 4] });
     let (_, sample) = rig.tick(&ActuatorCodes::default());
     let whole = instructions(|| {
         let _ = black_box(board.tick(black_box([(true, false), (true, true)]).into_iter(), black_box(&sample)));
+    });
+    // Every tick around a slow update: its slices, its end, and the ticks after it.
+    board.make_up(image.description().period_ticks.saturating_sub(100));
+    let largest = (0..200).fold(0, |largest: u32, _| {
+        let tick = instructions_of(1, || {
+            let _ = black_box(board.tick(black_box([(true, false), (true, true)]).into_iter(), black_box(&sample)));
+        });
+        largest.max(tick)
     });
     #[cfg(feature = "signed")]
     say(format_args!("verification {}", verification()));
@@ -101,6 +109,7 @@ fn main() -> ! {
     say(format_args!("tick-slewing {slewing}"));
     say(format_args!("tick-limited {limited}"));
     say(format_args!("tick-whole {whole}"));
+    say(format_args!("tick-largest {largest}"));
     finish(true)
 }
 

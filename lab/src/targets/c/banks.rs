@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, ensure};
 use sagnac_core::{
-    BankReport, Banks, Description, Gain, Gyro, Image, InputSpec, MAX_SEQUENCE, MAX_TERMS, Origin, Shape, StoreError,
-    Term,
+    BankReport, Banks, Description, Gain, Gyro, Image, InputSpec, Loaded, MAX_TERMS, Origin, Shape, StoreError, Term,
 };
 
 use self::flash::{Dice, Fault, Flash};
@@ -31,7 +30,8 @@ enum Operation {
     },
     RollBack,
     Confirm,
-    Start,
+    /// With so many watchdog resets in a row.
+    Start(u8),
     /// A bit of a range flips.
     Rot {
         from: u16,
@@ -120,7 +120,7 @@ fn sequence<const U: usize, const S: usize>(seed: u64) -> (Vec<u8>, usize) {
     let mut dice = Dice(seed ^ 0xba9c);
     let mut script = Script::<U, S>::new(seed);
     let mut number = 0;
-    for _ in 0..2 + dice.below(4) {
+    for _ in 0..3 + dice.below(5) {
         let operation = next_operation(&mut dice, &mut number);
         let whole = script.operate(&operation, NEVER, 0, 1);
         let steps = whole.steps;
@@ -143,14 +143,16 @@ fn next_operation(dice: &mut Dice, number: &mut u32) -> Operation {
         0..=4 => {
             *number = match dice.below(12) {
                 0 => *number,
-                1 => MAX_SEQUENCE + 1,
+                // Half of all numbers ahead, and one less.
+                1 => number.wrapping_add(1 << 31),
+                2 => number.wrapping_add((1 << 31) - 1),
                 _ => number.wrapping_add(1 + dice.below(3) as u32),
             };
             Operation::Store { image: image(*number, dice), trial: dice.below(2) == 0 }
         }
         5 | 6 => Operation::RollBack,
         7 => Operation::Confirm,
-        8 | 9 => Operation::Start,
+        8 | 9 => Operation::Start([0, 0, 1, 3, 4, 7, 8, 255][dice.below(8) as usize]),
         10 => {
             let bank = dice.below(2) as u16 * BANK as u16;
             Operation::Rot { from: bank, to: bank + 1184 }
@@ -224,10 +226,11 @@ impl<const U: usize, const S: usize> Script<U, S> {
         let steps_left = (cut != NEVER).then_some(u64::from(cut));
         let flash = Flash { steps: 0, steps_left, dice, ..before };
         let (kind, argument) = operation.record();
-        let (flash, result) = operation.apply(flash);
+        let (flash, result, started) = operation.apply(flash);
         let steps = flash.steps;
         let mut banks = banks(Flash { steps_left: None, ..flash });
-        let loaded = banks.load(&gyro());
+        // A start sets images aside until the next one; a cut ends that too.
+        let loaded = started.filter(|_| cut == NEVER).unwrap_or_else(|| banks.load(&gyro()));
         let flash = banks.into_flash();
         let hash = flash.bytes[..2 * BANK as usize]
             .iter()
@@ -263,34 +266,35 @@ impl Operation {
             Self::Store { image, trial } => (u8::from(*trial), encoded(image)),
             Self::RollBack => (2, Vec::new()),
             Self::Confirm => (3, Vec::new()),
-            Self::Start => (4, Vec::new()),
+            Self::Start(resets) => (4, vec![*resets]),
             Self::Rot { from, to } => (6, [from.to_le_bytes(), to.to_le_bytes()].concat()),
             Self::Poke { at, bytes } => (7, [&at.to_le_bytes()[..], bytes].concat()),
         }
     }
 
-    fn apply<const U: usize, const S: usize>(&self, mut flash: Flash<U, S>) -> (Flash<U, S>, u8) {
+    fn apply<const U: usize, const S: usize>(&self, mut flash: Flash<U, S>) -> (Flash<U, S>, u8, Option<Loaded>) {
         match self {
             Self::Rot { from, to } => flash.rot((*from).into(), (*to).into()),
             Self::Poke { at, bytes } => {
                 flash.bytes[usize::from(*at)..usize::from(*at) + bytes.len()].copy_from_slice(bytes);
             }
             _ => {
-                let mut banks = banks(flash);
+                let (mut banks, mut started) = (banks(flash), None);
                 let result = match self {
                     Self::Store { image, trial: false } => banks.store(&gyro(), image),
                     Self::Store { image, trial: true } => banks.store_on_trial(&gyro(), image),
                     Self::RollBack => banks.roll_back(&gyro()).map(|_| ()),
                     Self::Confirm => banks.confirm(&gyro()),
-                    _ => {
-                        banks.start(&gyro());
+                    Self::Start(resets) => {
+                        started = Some(banks.start(&gyro(), (*resets).into()));
                         Ok(())
                     }
+                    _ => Ok(()),
                 };
-                return (banks.into_flash(), result.map_or_else(|error| code(&error), |()| 0));
+                return (banks.into_flash(), result.map_or_else(|error| code(&error), |()| 0), started);
             }
         }
-        (flash, 0)
+        (flash, 0, None)
     }
 }
 
@@ -308,6 +312,7 @@ const fn code(error: &StoreError<Fault>) -> u8 {
         StoreError::NotOnTrial => 6,
         StoreError::ReadBack { .. } => 7,
         StoreError::Flash(_) => 8,
+        StoreError::OnTrial => 9,
     }
 }
 
@@ -327,8 +332,9 @@ const fn content(report: BankReport) -> (u8, u32) {
         BankReport::Valid { stored, .. } => (1, stored),
         BankReport::Withdrawn { stored } => (2, stored),
         BankReport::Damaged => (3, 0),
-        BankReport::NoImage(_) => (4, 0),
-        BankReport::Mismatch(_) => (5, 0),
+        BankReport::NoImage { stored, .. } => (4, stored),
+        BankReport::Mismatch { stored, .. } => (5, stored),
         BankReport::Unreadable => (6, 0),
+        BankReport::SetAside { stored } => (7, stored),
     }
 }

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use sagnac_board::{ActuatorCodes, Board, Message, Sample, StartCause};
+use sagnac_board::{ActuatorCodes, Board, BoardSetup, Message, Sample, StartCause, WatchSetup};
 use sagnac_core::{BankReport, Description, Image, Loaded, Origin, Status, WatchSpec};
 use sagnac_loops::Stripper;
 
@@ -52,7 +52,12 @@ fn loaded(dice: &mut Dice, images: &[Vec<u8>], bytes: &mut Vec<u8>) -> Result<Lo
     let trial = dice.below(2) == 1;
     let own = Image::decode(&images[dice.below(images.len() as u32) as usize])?;
     // A number of its own, or the same once more.
-    let image = Image::new(Description { sequence: 1 + dice.below(2), ..*own.description() })?;
+    let mut description = Description { sequence: 1 + dice.below(2), ..*own.description() };
+    if dice.below(4) == 0 {
+        // Fewer ticks between two updates than an update has slices.
+        (description.period_ticks, description.slew_ticks) = (1 + dice.below(20), 0);
+    }
+    let image = Image::new(description)?;
     let mut encoded = vec![0; image.encoded_len()];
     image.encode(&mut encoded).context("it fits its own length")?;
     bytes.extend([origin as u8, u8::from(trial)]);
@@ -83,11 +88,10 @@ fn one_board(seed: u32, images: &[Vec<u8>], bytes: &mut Vec<u8>, seen: &mut Stat
     bytes.extend(since_power_on_s.unwrap_or(u32::MAX).to_le_bytes());
     let start = if is_reset { StartCause::Reset { since_power_on_s } } else { StartCause::PowerOn };
     let stripper = strips.then(|| Stripper::new(longest, least));
-    let mut board = Board::new(start, first.image, first.origin, &loops()?, levels(0), stripper);
+    let watch = watches.then_some(WatchSetup { spec, heats });
+    let setup = BoardSetup { loops: loops()?, stripper, watch };
+    let mut board = Board::new(start, first.image, first.origin, &setup, levels(0));
     board.use_loaded(&first);
-    if watches {
-        board.watch_thermometers(spec, heats);
-    }
     let mut quarter = 0;
     let mut codes = [0; 4].map(|_: i32| dice.word().cast_signed() >> 2);
     for _ in 0..12 {
@@ -99,7 +103,7 @@ fn one_board(seed: u32, images: &[Vec<u8>], bytes: &mut Vec<u8>, seen: &mut Stat
         if dice.below(4) == 0 {
             bytes.push(b'R');
             let held = loaded(&mut dice, images, bytes)?;
-            board.mend(&held, &loops()?);
+            board.mend(&held, &setup);
         }
         if dice.below(3) == 0 {
             let missed = [0, 1, 7, 10_000, 65_537, 1 << 20, (1 << 20) + 1][dice.below(7) as usize];

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use sagnac_board::{CommandHandler, Commit, MemoryFlash, Message, RigSettings, Row, run};
+use sagnac_board::{Change, CommandHandler, Commit, MemoryFlash, Message, RigSettings, Row, run};
 use sagnac_core::{Banks, Description, Gyro, Image, Trust};
 use sagnac_signature::{Keyed, Signer};
 use xtask::shell::{root, stdout_of, text};
@@ -91,7 +91,7 @@ fn session(folder: &Path, seed: u32, signer: Option<&Signer>) -> Result<Session>
     let (paper, mut throws) = (Image::decode(&paper()?)?, Throws(seed));
     let gyro = Gyro::of(&paper, 4);
     let mut input = Vec::new();
-    let (mut number, mut challenges) = (0, 0_u8);
+    let (mut number, mut challenges, mut asked) = (0, 0_u8, Change::Commit);
     for _ in 0..10 + throws.below(30) {
         let mut messages = messages(&mut throws, &paper, signer, &mut number)?;
         // Lost, doubled and out of order.
@@ -103,8 +103,13 @@ fn session(folder: &Path, seed: u32, signer: Option<&Signer>) -> Result<Session>
         }
         for mut message in messages {
             match (&mut message, signer) {
-                (Message::Service, _) => challenges = challenges.wrapping_add(1),
-                (Message::Answer(answer), Some(signer)) => *answer = answered(&mut throws, &gyro, signer, challenges),
+                (Message::Service(change), _) => {
+                    challenges = challenges.wrapping_add(1);
+                    asked = *change;
+                }
+                (Message::Answer(answer), Some(signer)) => {
+                    *answer = answered(&mut throws, &gyro, signer, asked, challenges);
+                }
                 _ => {}
             }
             let (bytes, len) = message.frame().context("every message has a frame")?.bytes();
@@ -158,11 +163,15 @@ fn messages(throws: &mut Throws, paper: &Image, signer: Option<&Signer>, number:
         5 | 6 => upload(throws, paper, signer, number)?,
         7 => vec![Message::RollBack],
         8 => vec![Message::Confirm],
-        // The answer is signed when it is sent; most often an image follows.
+        // The answer is signed when it is sent; most often the change that it is for follows.
         _ => {
-            let mut messages = vec![Message::Service, Message::Answer([7; 64])];
-            if throws.below(4) != 0 {
-                messages.extend(upload(throws, paper, signer, number)?);
+            let change = [Change::Commit, Change::Commit, Change::RollBack, Change::Confirm][throws.below(4) as usize];
+            let mut messages = vec![Message::Service(change), Message::Answer([7; 64])];
+            match (throws.below(5), change) {
+                (0, _) => {}
+                (1, _) | (_, Change::Commit) => messages.extend(upload(throws, paper, signer, number)?),
+                (_, Change::RollBack) => messages.push(Message::RollBack),
+                (_, Change::Confirm) => messages.push(Message::Confirm),
             }
             messages
         }
@@ -226,9 +235,10 @@ fn upload(throws: &mut Throws, paper: &Image, signer: Option<&Signer>, number: &
     Ok(Message::pieces(&bytes).chain([commit]).collect())
 }
 
-/// The answer to the challenge of this number: now and then that of another challenge, or for another gyro.
-fn answered(throws: &mut Throws, gyro: &Gyro, signer: &Signer, challenge: u8) -> [u8; 64] {
+/// The answer to the challenge of this number: now and then that of another challenge, for another gyro, or for another change.
+fn answered(throws: &mut Throws, gyro: &Gyro, signer: &Signer, asked: Change, challenge: u8) -> [u8; 64] {
     let challenge = if throws.below(8) == 0 { challenge.wrapping_sub(1) } else { challenge };
     let axis = if throws.below(10) == 0 { b'z' } else { gyro.axis };
-    signer.answer(&gyro.serial, axis, &[challenge; 16])
+    let change = if throws.below(12) == 0 { Change::RollBack } else { asked };
+    signer.answer(&gyro.serial, axis, change as u8, &[challenge; 16])
 }

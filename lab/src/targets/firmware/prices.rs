@@ -53,6 +53,8 @@ pub(super) fn instructions(folder: &Path) -> Result<()> {
 
 /// Largest numbers of instructions of a slice: Rust and C.
 const MOST_SLICE: [u32; 2] = [700, 1600];
+/// Largest number of instructions of a tick of the whole board, with what it makes of a slow update, in Rust.
+const MOST_TICK: u32 = 3000;
 
 /// Best, typical and worst image: instructions and stack, in Rust and in C.
 pub(super) fn prices(folder: &Path) -> Result<()> {
@@ -61,6 +63,9 @@ pub(super) fn prices(folder: &Path) -> Result<()> {
     let c = c_measure(folder)?;
     for (name, image) in images {
         let rust = Measured::of(&image, folder)?;
+        let tick = rust.number("tick-largest")?;
+        println!("check: price: {name}, Rust: largest tick of the board {tick}");
+        ensure!(tick <= MOST_TICK, "{name}: a tick of {tick} instructions, at most {MOST_TICK}");
         let hosting = format!("enable=on,target=native,arg=measure,arg={MEASURED}");
         let machine = ["-M", "mps2-an386", "-cpu", "cortex-m4", "-nographic", "-monitor", "none", "-serial", "null"];
         let rest = ["-icount", "shift=0", "-semihosting-config", &hosting, "-kernel", text(&c)?];

@@ -9,7 +9,8 @@ use std::process::Command;
 use anyhow::{Context, Result, bail, ensure};
 use sagnac_board::frame::FrameReader;
 use sagnac_board::{
-    CommandHandler, Commit, MemoryFlash, Message, OutputFrame, POWER_ON, Reply, ReplyCode, RigSettings, Row, run,
+    Change, CommandHandler, Commit, MemoryFlash, Message, OutputFrame, POWER_ON, Reply, ReplyCode, RigSettings, Row,
+    run,
 };
 use sagnac_core::{Banks, Gyro, Image, Origin};
 use sagnac_loops::LoopTable;
@@ -169,7 +170,8 @@ fn signed_messages(unit: &FirmwareUnit, signer: &Signer) -> Result<Vec<u8>> {
     };
     let mut messages = vec![Message::Settings(settings(&loops, 0)), Message::Row(row)];
     messages.extend(upload(&image));
-    messages.extend([Message::Service, Message::Answer(signer.answer(&d.serial, d.axis, &[1; 16]))]);
+    let answer = signer.answer(&d.serial, d.axis, Message::COMMIT, &[1; 16]);
+    messages.extend([Message::Service(Change::Commit), Message::Answer(answer)]);
     for bytes in [&image, &forged, &signed] {
         messages.extend(upload(bytes));
     }
@@ -235,7 +237,15 @@ fn messages(unit: &FirmwareUnit, dither_counts: u32, seconds: usize) -> Result<(
         if second_of_run == seconds * 2 / 3 {
             send(Message::RollBack)?;
         }
-        send(Message::Row(*row))?;
+        let mut row = *row;
+        if let Some(before) = second_of_run.checked_sub(1).and_then(|before| rows.get(before))
+            && (!images.is_empty() || second_of_run == seconds * 2 / 3)
+        {
+            // Another image has its update at once: with the codes that the replay has at this time, those of the row before.
+            send(Message::Row(Row { ticks: 1, counts: 0, codes: before.codes, ..row }))?;
+            row.ticks -= 1;
+        }
+        send(Message::Row(row))?;
     }
     send(Message::Stop)?;
     Ok((out, rows.len()))
@@ -243,15 +253,16 @@ fn messages(unit: &FirmwareUnit, dither_counts: u32, seconds: usize) -> Result<(
 
 fn rows(log: &str) -> Result<Vec<Row>> {
     let mut rows: Vec<Row> = Vec::new();
-    let (mut before_ticks, mut before_code) = (0_i64, None);
+    let mut before_ticks = 0_i64;
     for line in log.lines().skip(1) {
         let cells: Vec<&str> = line.split(',').collect();
         let [time, counts, _, temperature, ..] = cells[..] else { bail!("a row of the log: {line}") };
         let ticks = (time.parse::<f64>()? * 1e4).round() as i64;
         let code = (temperature.parse::<f64>()? * f64::from(1 << 24)).round() as i32;
-        let codes = [before_code.unwrap_or(code), 0, 0, 0];
+        // The slices of the update at the end of a row begin within it: they read its codes, as a replay does.
+        let codes = [code, 0, 0, 0];
         rows.push(Row { ticks: (ticks - before_ticks) as u32, counts: counts.parse()?, present: 1, codes });
-        (before_ticks, before_code) = (ticks, Some(code));
+        before_ticks = ticks;
     }
     Ok(rows)
 }

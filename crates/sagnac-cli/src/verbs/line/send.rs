@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
 use sagnac::{Error, Result};
-use sagnac_board::Message;
+use sagnac_board::{Change, Message};
 use sagnac_log::write::write_bytes;
 
 use crate::args::signature::private_key;
@@ -17,8 +17,8 @@ use crate::verbs::verb::Verb;
 #[command(after_help = "\
 Examples (the replies appear in sagnac line read):
   sagnac line send confirm -o /dev/ttyUSB0
-  sagnac line send service -o /dev/ttyUSB0
-  sagnac line send answer --challenge 0f1e… --key factory.key --serial RLG-7 --axis z -o /dev/ttyUSB0")]
+  sagnac line send service commit -o /dev/ttyUSB0
+  sagnac line send answer commit --challenge 0f1e… --key factory.key --serial RLG-7 --axis z -o /dev/ttyUSB0")]
 pub(crate) struct Args {
     #[command(subcommand)]
     message: LineMessage,
@@ -34,9 +34,14 @@ enum LineMessage {
     /// Go back to the previous image
     RollBack,
     /// Ask a gyro with a key for a challenge
-    Service,
-    /// Answer the challenge, which opens the service mode for one change
+    Service {
+        /// The change to make
+        change: LineChange,
+    },
+    /// Answer the challenge, which opens the service mode for this change
     Answer {
+        /// The change that the challenge was asked for
+        change: LineChange,
         /// The challenge, as sagnac line read prints it
         #[arg(long, value_name = "HEX")]
         challenge: String,
@@ -52,15 +57,36 @@ enum LineMessage {
     },
 }
 
+/// A change that the service mode is opened for.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum LineChange {
+    /// An upload
+    Commit,
+    /// Back to the previous image
+    RollBack,
+    /// Keep the image on trial
+    Confirm,
+}
+
+impl LineChange {
+    fn on_line(self) -> Change {
+        match self {
+            Self::Commit => Change::Commit,
+            Self::RollBack => Change::RollBack,
+            Self::Confirm => Change::Confirm,
+        }
+    }
+}
+
 impl Verb for Args {
     fn run(&self, console: &mut Console) -> Ran {
         let message = match &self.message {
             LineMessage::Confirm => Message::Confirm,
             LineMessage::RollBack => Message::RollBack,
-            LineMessage::Service => Message::Service,
-            LineMessage::Answer { challenge, key, serial, axis } => {
+            LineMessage::Service { change } => Message::Service(change.on_line()),
+            LineMessage::Answer { change, challenge, key, serial, axis } => {
                 Files::new().reads([key]).writes([&self.output]).check()?;
-                Message::Answer(answer(key, serial, *axis, challenge)?)
+                Message::Answer(answer(key, serial, *axis, change.on_line(), challenge)?)
             }
         };
         let bytes = frame_bytes(&message)?;
@@ -86,7 +112,7 @@ pub(crate) fn frame_bytes(message: &Message) -> Result<Vec<u8>> {
 }
 
 /// The answer to a challenge, as `sagnac line read` printed it.
-fn answer(key: &Path, serial: &str, axis: char, challenge: &str) -> Result<[u8; 64]> {
+fn answer(key: &Path, serial: &str, axis: char, change: Change, challenge: &str) -> Result<[u8; 64]> {
     let bad = |what: &str, name: &'static str, value: &str| {
         Error::input(what, "copy it from the output of `sagnac line read`").column(name).value(value)
     };
@@ -97,7 +123,7 @@ fn answer(key: &Path, serial: &str, axis: char, challenge: &str) -> Result<[u8; 
     }
     let axis = u8::try_from(axis).map_err(|_| bad("must be an ASCII letter", "--axis", &axis.to_string()))?;
     let challenge = unhex(challenge).ok_or_else(|| bad("must be 32 hexadecimal digits", "--challenge", challenge))?;
-    Ok(private_key(key)?.answer(&padded, axis, &challenge))
+    Ok(private_key(key)?.answer(&padded, axis, change as u8, &challenge))
 }
 
 fn unhex(text: &str) -> Option<[u8; 16]> {
