@@ -1,7 +1,7 @@
 //! Lists that several verbs show: limits with their values, and the excluded rows.
 
 use sagnac::verify::Verdict;
-use sagnac_log::ingest::Tally;
+use sagnac_log::ingest::{Reason, Tally};
 use sagnac_units::format::significant;
 
 use crate::output::terminal::table;
@@ -25,6 +25,21 @@ pub(crate) fn limits_table(limits: &[Verdict], excluding: bool) -> String {
 
 /// What was excluded, one line per reason.
 pub(crate) fn excluded(tallies: &[Tally]) -> Vec<String> {
-    let rows = |n: u64| if n == 1 { "1 row".to_owned() } else { format!("{n} rows") };
-    tallies.iter().map(|t| format!("excluded: {}, {} (first at {})", rows(t.rows), t.reason.name(), t.first)).collect()
+    tallies.iter().map(|tally| format!("excluded: {}", rows_of(tally))).collect()
+}
+
+/// The same of a replay, which reads a thermometer as the gyro's processor does.
+pub(crate) fn not_replayed(tallies: &[Tally]) -> Vec<String> {
+    let line = |tally: &Tally| match tally.reason {
+        Reason::ThermometerJump | Reason::ThermometerFrozen => {
+            format!("note: {}: corrected as the gyro does it; a calibration leaves them out", rows_of(tally))
+        }
+        _ => format!("excluded: {}", rows_of(tally)),
+    };
+    tallies.iter().map(line).collect()
+}
+
+fn rows_of(tally: &Tally) -> String {
+    let rows = if tally.rows == 1 { "1 row".to_owned() } else { format!("{} rows", tally.rows) };
+    format!("{rows}, {} (first at {})", tally.reason.name(), tally.first)
 }

@@ -15,7 +15,7 @@ use crate::files::pipe::PipeAware;
 use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::open_log;
-use crate::output::tables::excluded;
+use crate::output::tables::not_replayed;
 use crate::verbs::verb::Verb;
 
 /// Correct a log row by row, as the gyro's processor does
@@ -63,7 +63,7 @@ impl Verb for Args {
         };
         // A reader that went away has seen what it wanted.
         let Some(done) = done else { return Ok(Outcome::Done) };
-        for line in excluded(&done.log.tallies.list()) {
+        for line in not_replayed(&done.log.tallies.list()) {
             console.note(line);
         }
         console.note(words(&done));

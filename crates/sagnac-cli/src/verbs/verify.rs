@@ -17,7 +17,7 @@ use crate::args::setup::SetupArgs;
 use crate::args::units::UnitsArgs;
 use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
-use crate::output::tables::{excluded, limits_table};
+use crate::output::tables::{limits_table, not_replayed};
 use crate::output::terminal::table;
 use crate::output::verification_brief::{new_clock, unseen, verification_brief};
 use crate::verbs::verb::Verb;
@@ -225,7 +225,7 @@ fn describe(console: &mut Console, verification: &Verification, units: RateUnit)
             console.say(limits_table(&axis.limits, axis.excluded_fraction.is_some()));
         }
     }
-    for line in excluded(&verification.excluded) {
+    for line in not_replayed(&verification.excluded) {
         console.say(line);
     }
 }

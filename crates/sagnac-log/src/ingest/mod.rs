@@ -35,7 +35,7 @@ pub use crate::ingest::arrow::{
 };
 
 pub use crate::ingest::bytes::source::{Watch, hex, sha256, sha256_of_file};
-pub use crate::ingest::checks::batch::{Batch, Bridge};
+pub use crate::ingest::checks::batch::{AsRead, Batch, Bridge};
 pub use crate::ingest::checks::full_scale::Clipped;
 pub use crate::ingest::checks::reason::{Reason, Tallies, Tally};
 pub use crate::ingest::checks::rows::CounterEnd;

@@ -19,6 +19,18 @@ pub struct Bridge {
     pub angle: Vec<f64>,
 }
 
+/// A reading of a thermometer where [`Batch::temperature_c`] has another value: one that a check refused although the target takes it, or a cell
+/// without a reading that the check filled.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AsRead {
+    /// Row of the batch.
+    pub row: usize,
+    /// Thermometer of the log.
+    pub thermometer: usize,
+    /// °C; NaN without a reading.
+    pub celsius: f64,
+}
+
 /// Columns of usable rows. A row covers (start, end].
 #[derive(Clone, Debug, Default)]
 pub struct Batch {
@@ -44,7 +56,10 @@ pub struct Batch {
     pub bridges: Vec<Bridge>,
     /// The clock of the log starts again with its first row, which begins a run. Its times go on an hour after those before.
     pub begins_run: bool,
-    pub(crate) checked_c: Vec<f64>,
+    /// Where a replay reads another temperature than a fit: by row.
+    pub as_read: Vec<AsRead>,
+    /// Of the next row, per thermometer: as checked, and as read.
+    pub(crate) next_c: Vec<[f64; 2]>,
     /// All rows came in stretches without any fault, one after the other.
     pub(crate) plain: bool,
 }
@@ -82,6 +97,7 @@ impl Batch {
         self.line.clear();
         self.fields.clear();
         self.bridges.clear();
+        self.as_read.clear();
         self.plain = true;
         self.begins_run = false;
         for column in self.angle.iter_mut().chain(&mut self.temperature_c).chain(&mut self.aux) {
@@ -94,8 +110,13 @@ impl Batch {
         self.end_ns.push(end_ns);
         self.valid.push(!rows.faults[at].has(Faults::FLAGGED));
         self.line.push(rows.line_of(at));
-        let columns = self.angle.iter_mut().zip(angles).chain(self.temperature_c.iter_mut().zip(&self.checked_c));
-        columns.for_each(|(column, value)| column.push(*value));
+        self.angle.iter_mut().zip(angles).for_each(|(column, value)| column.push(*value));
+        for (thermometer, (column, [checked, read])) in self.temperature_c.iter_mut().zip(&self.next_c).enumerate() {
+            if checked != read && !(checked.is_nan() && read.is_nan()) {
+                self.as_read.push(AsRead { row: column.len(), thermometer, celsius: *read });
+            }
+            column.push(*checked);
+        }
         self.aux.iter_mut().zip(&rows.aux).for_each(|(column, values)| column.push(values[at]));
         self.reference_dps.extend(rows.reference_dps.get(at));
         self.fields.extend(rows.fields.get(at).cloned());

@@ -1,7 +1,7 @@
 //! Which readings of a thermometer are valid.
 //!
-//! Invalid: a reading outside the valid range; a jump that does not persist; a value that stays constant
-//! while another thermometer moves. An empty field is not a reading: the newest one is kept, as in a
+//! Invalid for a fit: a reading outside the valid range; a jump that does not persist; a value that stays constant
+//! while another thermometer moves. A replay takes such readings ([`crate::ingest::AsRead`]), for the target has its own rules. An empty field is not a reading: the newest one is kept, as in a
 //! register, for 1.5 times the thermometer's own interval and at most its hold time.
 
 use crate::ingest::checks::reason::Reason;
@@ -19,12 +19,23 @@ const FROZEN_OTHER_MOVED_C: f64 = 3.0;
 /// … while this one gave the same value for this long.
 const FROZEN_NS: i64 = 300_000_000_000;
 
+/// A reading as it came.
+#[derive(Clone, Copy)]
+struct Reading {
+    celsius: f64,
+    time_ns: i64,
+    /// Since the reading before it.
+    interval_ns: Option<i64>,
+}
+
 /// State of one thermometer.
 pub(crate) struct ThermometerCheck {
     spec: ThermometerSetup,
     valid_c: f64,
     valid_ns: i64,
     interval_ns: Option<i64>,
+    /// The newest reading, whatever it is: what a processor's register holds.
+    register: Option<Reading>,
     jump_c: f64,
     jump_rows: u32,
     value_c: f64,
@@ -41,6 +52,7 @@ impl ThermometerCheck {
             valid_c: nan,
             valid_ns: 0,
             interval_ns: None,
+            register: None,
             jump_c: nan,
             jump_rows: 0,
             value_c: nan,
@@ -69,6 +81,9 @@ impl ThermometerCheck {
     /// Stores the last of such readings; `before_ns` is the time of the one before it, if it is among them.
     pub(crate) fn accept(&mut self, t_c: f64, t_ns: i64, before_ns: Option<i64>) {
         self.interval_ns = Some(t_ns - before_ns.unwrap_or(self.valid_ns));
+        let before_ns = before_ns.or(self.register.map(|reading| reading.time_ns));
+        let interval_ns = before_ns.map(|before_ns| t_ns.saturating_sub(before_ns));
+        self.register = Some(Reading { celsius: t_c, time_ns: t_ns, interval_ns });
         (self.valid_c, self.valid_ns) = (t_c, t_ns);
         self.jump_rows = 0;
     }
@@ -102,6 +117,23 @@ impl ThermometerCheck {
         let hold_ns = ns_from_s(self.spec.stale_after_s).unwrap_or(i64::MAX);
         let limit = self.interval_ns.map_or(hold_ns, |interval| interval.saturating_add(interval / 2).min(hold_ns));
         if t_ns.saturating_sub(self.valid_ns) <= limit { self.valid_c } else { f64::NAN }
+    }
+
+    /// A reading of any kind comes.
+    pub(crate) fn read(&mut self, celsius: f64, time_ns: i64) {
+        let interval_ns = self.register.map(|before| time_ns.saturating_sub(before.time_ns));
+        self.register = Some(Reading { celsius, time_ns, interval_ns });
+    }
+
+    /// What a processor's register has in a row without a reading: nothing, or of a thermometer slower than the rows the newest reading
+    /// for one and a half of its intervals.
+    pub(crate) fn in_register(&self, t_ns: i64, nominal_ns: i64) -> f64 {
+        let newest = self.register.and_then(|reading| Some((reading, reading.interval_ns?)));
+        let held = newest.filter(|(reading, interval_ns)| {
+            *interval_ns > nominal_ns.saturating_add(nominal_ns / 2)
+                && t_ns.saturating_sub(reading.time_ns) <= interval_ns.saturating_add(interval_ns / 2)
+        });
+        held.map_or(f64::NAN, |(reading, _)| reading.celsius)
     }
 
     /// True while a jump has not persisted long enough to be a new level.

@@ -7,7 +7,8 @@
 //!
 //! Ticks and slow updates count from the start of the run's first row. At a boundary the slow update
 //! comes first. It reads the newest temperature stamped at or before its own time; the first one reads
-//! the first row's. A row that a slow update cuts is split in integer proportion to its ticks. Through
+//! the first row's. No rule of the host leaves a reading out: jumps, frozen and impossible values go to the image, whose own rules judge
+//! them; a cell without a reading is none, unless the thermometer is slower than the rows. A row that a slow update cuts is split in integer proportion to its ticks. Through
 //! gaps the clock runs on without counts. Where rows are missing, temperatures go from the last to the next one in equal steps, one for
 //! each missing row, or up to a thousand: two steps at once would be a rate that the gyro did not see, and that its image cuts off.
 
@@ -261,6 +262,14 @@ impl Register {
         for (register, columns) in [(&mut self.temperature_c, &batch.temperature_c), (&mut self.aux, &batch.aux)] {
             register.clear();
             register.extend(columns.iter().map(|column| column[row]));
+        }
+        // What a fit leaves out, the target reads.
+        let as_read = &batch.as_read;
+        let from = as_read.partition_point(|reading| reading.row < row);
+        for reading in as_read[from..].iter().take_while(|reading| reading.row == row) {
+            if let Some(place) = self.temperature_c.get_mut(reading.thermometer) {
+                *place = reading.celsius;
+            }
         }
     }
 

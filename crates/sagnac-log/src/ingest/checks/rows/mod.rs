@@ -432,26 +432,28 @@ impl RowValidator {
         Some(row.axes().map(|rate_dph| rate_dph * duration_s).collect())
     }
 
-    /// Writes the valid temperatures to `batch.checked_c`.
+    /// Writes the temperatures to `batch.next_c`: the valid ones, and what the log has.
     fn check_temperatures(&mut self, row: &Row<'_>, interval: &Interval, joins: bool, batch: &mut Batch) {
         if row.temperatures_c().any(|t_c| t_c == BAD_TEMPERATURE) {
             self.reject(Reason::TemperatureNotANumber, row);
         }
-        batch.checked_c.clear();
+        batch.next_c.clear();
         for (index, t_c) in row.temperatures_c().enumerate() {
             let others_moved = self.others_moved(index, interval.end_ns);
             let thermometer = &mut self.thermometers[index];
-            let accepted = if t_c == BAD_TEMPERATURE {
-                Ok(f64::NAN)
+            let (accepted, read) = if t_c == BAD_TEMPERATURE {
+                (Ok(f64::NAN), f64::NAN)
             } else if t_c.is_nan() {
-                Ok(thermometer.held(interval.end_ns))
+                let register = thermometer.in_register(interval.end_ns, self.nominal_ns);
+                (Ok(thermometer.held(interval.end_ns)), register)
             } else {
-                thermometer.check(t_c, interval.end_ns, joins, others_moved)
+                thermometer.read(t_c, interval.end_ns);
+                (thermometer.check(t_c, interval.end_ns, joins, others_moved), t_c)
             };
             if let Err(reason) = accepted {
                 self.reject(reason, row);
             }
-            batch.checked_c.push(accepted.unwrap_or(f64::NAN));
+            batch.next_c.push([accepted.unwrap_or(f64::NAN), read]);
         }
     }
 
@@ -553,7 +555,7 @@ mod tests {
                 batch.clear();
                 let (first, second) = rows.split_at(cut.min(rows.len()));
                 let ended = check.push(&mut piece(first, &layout), &mut batch).and_then(|()| check.push(&mut piece(second, &layout), &mut batch));
-                batch.checked_c.clear();
+                batch.next_c.clear();
                 if std::mem::take(&mut batch.plain) {
                     let follow = batch.start_ns.iter().skip(1).zip(&batch.end_ns).all(|(start, end)| start == end);
                     let one = batch.end_ns.iter().zip(&batch.start_ns).all(|(end, start)| (1..=15).contains(&(end - start)));
