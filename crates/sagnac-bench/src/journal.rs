@@ -21,6 +21,11 @@ const MAGIC: [u8; 4] = *b"SGJ1";
 const HEAD_BYTES: usize = 12;
 /// Most bytes of a block's entries.
 pub const MOST_BLOCK_BYTES: usize = 1 << 20;
+/// Bytes in which the next block is looked for first.
+const FIRST_PIECE_BYTES: usize = 1 << 10;
+/// A damaged file may be full of heads that promise a long body each: what is read for nothing stays in proportion to the file.
+const FREE_BYTES: u64 = 64 << 20;
+const BYTES_EACH: u64 = 16;
 /// Bytes of an entry apart from its payload.
 const ENTRY_BYTES: usize = 14;
 /// Most bytes of an entry's payload.
@@ -228,6 +233,11 @@ pub struct JournalReader {
     position: u64,
     /// Bytes between blocks that belong to none.
     damaged: u64,
+    /// Bytes of bodies that may still be read behind heads that turn out to be none: [`FREE_BYTES`], and [`BYTES_EACH`] for each byte passed.
+    credit: u64,
+    /// Bytes read from the file.
+    #[cfg(test)]
+    read: u64,
 }
 
 /// What stands at a place of the file.
@@ -248,7 +258,15 @@ impl JournalReader {
     /// A file that cannot be read, or that does not begin with a block.
     pub fn open(path: &Path) -> Result<Self> {
         let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
-        let mut reader = Self { file, path: path.to_owned(), position: 0, damaged: 0 };
+        let mut reader = Self {
+            file,
+            path: path.to_owned(),
+            position: 0,
+            damaged: 0,
+            credit: FREE_BYTES,
+            #[cfg(test)]
+            read: 0,
+        };
         let start = reader.bytes(0, MOST_PAYLOAD_BYTES)?;
         if memchr::memmem::find(&start, &MAGIC).is_none() {
             let what = if start.is_empty() {
@@ -288,11 +306,15 @@ impl JournalReader {
                 JournalPiece::Block { entries, length } => {
                     self.damaged += at - self.position;
                     self.position = at + length;
+                    self.credit = self.credit.saturating_add(length.saturating_mul(BYTES_EACH));
                     return Ok(Some(entries));
                 }
                 // The end of the file, a cut in its last block, or a damaged length: then whole blocks are behind it.
                 JournalPiece::Short | JournalPiece::Damaged => match self.next_magic(at + 1, end)? {
-                    Some(next) => at = next,
+                    Some(next) => {
+                        self.credit = self.credit.saturating_add((next - at).saturating_mul(BYTES_EACH));
+                        at = next;
+                    }
                     None => return Ok(None),
                 },
             }
@@ -316,6 +338,9 @@ impl JournalReader {
         if (HEAD_BYTES + length) as u64 > room {
             return Ok(JournalPiece::Short);
         }
+        let before = self.credit;
+        let Some(credit) = before.checked_sub(length as u64) else { return Ok(JournalPiece::Damaged) };
+        self.credit = credit;
         let body = self.bytes(at + HEAD_BYTES as u64, length)?;
         if body.len() < length {
             return Ok(JournalPiece::Short);
@@ -324,6 +349,9 @@ impl JournalReader {
             return Ok(JournalPiece::Damaged);
         }
         let entries = unpacked(&body).and_then(|bytes| entries_of(&bytes));
+        if entries.is_some() {
+            self.credit = before;
+        }
         Ok(entries.map_or(JournalPiece::Damaged, |entries| JournalPiece::Block {
             entries,
             length: (HEAD_BYTES + length) as u64,
@@ -332,16 +360,18 @@ impl JournalReader {
 
     /// The next place where a block may begin.
     fn next_magic(&mut self, from: u64, end: u64) -> Result<Option<u64>> {
-        let mut at = from;
+        // Most often it is near: between damaged blocks, or in a file full of them.
+        let (mut at, mut piece) = (from, FIRST_PIECE_BYTES);
         while at < end {
-            let bytes = self.bytes(at, MOST_PAYLOAD_BYTES)?;
+            let bytes = self.bytes(at, piece)?;
             if let Some(place) = memchr::memmem::find(&bytes, &MAGIC) {
                 return Ok(Some(at + place as u64));
             }
-            if bytes.len() < MOST_PAYLOAD_BYTES {
+            if bytes.len() < piece {
                 return Ok(None);
             }
             at += (bytes.len() - (MAGIC.len() - 1)) as u64;
+            piece = (2 * piece).min(MOST_PAYLOAD_BYTES);
         }
         Ok(None)
     }
@@ -353,6 +383,10 @@ impl JournalReader {
             let mut limited = (&mut self.file).take(length as u64);
             limited.read_to_end(&mut bytes)
         });
+        #[cfg(test)]
+        {
+            self.read += bytes.len() as u64;
+        }
         read.map(|_| bytes).map_err(|e| Error::io_path(&self.path, "read", &e))
     }
 }
@@ -401,6 +435,26 @@ mod tests {
     fn blocks() -> impl Strategy<Value = Vec<Vec<Vec<u8>>>> {
         let payload = prop::collection::vec(any::<u8>(), 0..200);
         prop::collection::vec(prop::collection::vec(payload, 1..5), 1..6)
+    }
+
+    /// Two megabytes of heads that promise a megabyte each cost a small multiple of the file, and the block behind them is found.
+    #[test]
+    fn heads_that_promise_much_cost_little() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, whole) = (folder.path().join("a.journal"), folder.path().join("b.journal"));
+        written(&whole, &[vec![b"first".to_vec()], vec![b"last".to_vec()]]);
+        let blocks = std::fs::read(&whole).unwrap();
+        let head = [&MAGIC[..], &(1_u32 << 20).to_le_bytes(), &[0; 4]].concat();
+        std::fs::write(&path, [&blocks[..], &head.repeat(300_000), &blocks].concat()).unwrap();
+        let mut reader = JournalReader::open(&path).unwrap();
+        let mut found = 0;
+        while reader.next_block(u64::MAX).unwrap().is_some() {
+            found += 1;
+        }
+        let length = std::fs::metadata(&path).unwrap().len();
+        assert_eq!(found, 4);
+        // A KiB for each head; without the bounds 300 GB were read.
+        assert!(reader.read < 400 * length, "{} bytes read of {length}", reader.read);
     }
 
     proptest! {

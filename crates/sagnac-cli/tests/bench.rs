@@ -288,6 +288,94 @@ fn what_cannot_work_is_refused_first() {
     refused(&["--source", "-"], "query");
 }
 
+/// What the command reads is never what it writes: the source, the journal of the recording, limits of one's own.
+#[test]
+fn a_calibration_over_an_input_is_refused_first() {
+    let bench = Bench::new("-");
+    let source = HEADER.to_owned() + &(1..2000).map(row).collect::<String>();
+    let limits = "sigma_over_floor_max = 1.1\n";
+    std::os::unix::fs::symlink("live.csv", bench.path("link.csv")).unwrap();
+    for (source_name, calibration) in [
+        ("replay:live.csv?speed=max", "live.csv"),
+        ("file:live.csv", "live.csv"),
+        ("file:live.csv", "link.csv"),
+        ("file:link.csv", "./live.csv"),
+        ("replay:live.csv?speed=max", "run.parquet.journal"),
+        ("replay:live.csv?speed=max", "run.parquet"),
+        ("replay:live.csv?speed=max", "limits.toml"),
+    ] {
+        std::fs::write(bench.path("live.csv"), &source).unwrap();
+        std::fs::write(bench.path("limits.toml"), limits).unwrap();
+        let out = bench.run(&["--source", source_name, "--limits", "limits.toml", "--calibration", calibration]);
+        assert_eq!(out.status.code(), Some(2), "{calibration}: {}", text(&out.stderr));
+        assert_eq!(std::fs::read_to_string(bench.path("live.csv")).unwrap(), source, "{calibration}");
+        assert_eq!(std::fs::read_to_string(bench.path("limits.toml")).unwrap(), limits, "{calibration}");
+        assert_eq!(bench.journal_bytes(), 0, "{calibration}");
+    }
+}
+
+/// A file that is written again in place, to more bytes than before: all of its new rows are recorded, and the journal says why.
+#[test]
+fn a_file_that_is_written_again_loses_no_row() {
+    let bench = Bench::new("file:live.csv");
+    let rows = |from: u64, to: u64| HEADER.to_owned() + &(from..to).map(row).collect::<String>();
+    std::fs::write(bench.path("live.csv"), rows(1, 300)).unwrap();
+    let mut child = bench.start(&[]);
+    until("the first rows", || bench.journal_bytes() > 600);
+    // In place and without making it shorter first.
+    let mut file = std::fs::File::options().write(true).open(bench.path("live.csv")).unwrap();
+    file.write_all(rows(1000, 1600).as_bytes()).unwrap();
+    drop(file);
+    bench.kill_at_the_end(&mut child);
+    // Counts that rise are taken for a running total; the log is there.
+    bench.run(&["--finish"]);
+    let counts = bench.counts();
+    assert_eq!(counts[counts.len() - 600..], (1000..1600).collect::<Vec<_>>(), "{} rows", counts.len());
+}
+
+/// A terminal that goes away ends no recording, with figures on it or without; Ctrl-C does, with a whole file.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_recording_outlives_its_terminal() {
+    for more in ["", "--tui"] {
+        let bench = Bench::new("file:live.csv");
+        std::fs::write(bench.path("live.csv"), HEADER.to_owned() + &(1..500).map(row).collect::<String>()).unwrap();
+        let line = format!(
+            "echo $$ > pid; exec {} bench bench.toml -o run.parquet --page none {more} --source file:live.csv",
+            env!("CARGO_BIN_EXE_sagnac")
+        );
+        let mut terminal = Command::new("script")
+            .args(["-qefc", &line, "shown"])
+            .current_dir(bench.folder.path())
+            .env("TERM", "xterm-256color")
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .spawn()
+            .expect("script of util-linux");
+        until("the first rows", || bench.journal_bytes() > 600);
+        terminal.kill().unwrap();
+        terminal.wait().unwrap();
+        let pid = std::fs::read_to_string(bench.path("pid")).unwrap().trim().to_owned();
+        let signal = |name: &str| Command::new("bash").args(["-c", &format!("kill -{name} {pid}")]).status().unwrap();
+        assert!(signal("HUP").success());
+        let mut file = std::fs::File::options().append(true).open(bench.path("live.csv")).unwrap();
+        let before = bench.journal_bytes();
+        (500..4000).for_each(|number| file.write_all(row(number).as_bytes()).unwrap());
+        until("rows without a terminal", || bench.journal_bytes() > before);
+        let mut settled = (0, Instant::now());
+        until("the end of the file", || {
+            let now = bench.journal_bytes();
+            if now != settled.0 {
+                settled = (now, Instant::now());
+            }
+            settled.1.elapsed() > Duration::from_secs(1)
+        });
+        assert!(signal("INT").success());
+        until("the log", || bench.path("run.parquet").exists());
+        assert_eq!(bench.counts(), (1..4000).collect::<Vec<_>>(), "{more}");
+    }
+}
+
 /// Garbage instead of a log: nothing that is a row, exit 3, and the journal keeps it.
 #[test]
 fn garbage_is_kept_and_no_log() {

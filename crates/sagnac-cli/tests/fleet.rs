@@ -278,14 +278,44 @@ fn without_room_the_results_of_before_stand() {
     let before = files(&it.path("fleet"));
     it.write("units/RLG-2/run-1.csv", &csv_bytes(PaperRig::PAPER.run(77)));
     let program = env!("CARGO_BIN_EXE_sagnac");
-    let line =
-        format!("ulimit -f 8; exec {program} fleet calibrate units --setup bench.toml --model 'bias 2' -o fleet");
-    let output = Command::new("sh").args(["-c", &line]).current_dir(it.0.path()).output().unwrap();
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.code() == Some(2) && said.contains("RLG-2.cal.json"), "{said}");
-    assert_eq!(files(&it.path("fleet")), before);
+    // A unit that is new; and all of them again, with another model.
+    for (model, names) in [("bias 2", "RLG-2.cal.json"), ("bias 3", ".cal.json")] {
+        let line =
+            format!("ulimit -f 8; exec {program} fleet calibrate units --setup bench.toml --model '{model}' -o fleet");
+        let output = Command::new("sh").args(["-c", &line]).current_dir(it.0.path()).output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.code() == Some(2) && said.contains(names), "{said}");
+        assert_eq!(files(&it.path("fleet")), before, "{model}");
+    }
     assert_eq!(it.fleet("units", "fleet", &[]).0, 0);
     assert_eq!(column(&it.path("fleet/fleet.parquet"), "outcome").len(), 3);
+}
+
+/// A log that is away for a night does not take the record with it: the unit is not renewed, in the table and by the exit status, and when the
+/// log is back nothing is done again.
+#[test]
+fn a_log_that_is_away_keeps_the_record() {
+    let it = Factory::new(2);
+    assert_eq!(it.fleet("units", "fleet", &[]).0, 0);
+    let first = files(&it.path("fleet"));
+    let (log, away) = (it.path("units/RLG-1/run-2.csv"), it.path("run-2.away"));
+    fs::rename(&log, &away).unwrap();
+    std::os::unix::fs::symlink(it.path("nowhere"), &log).unwrap();
+    let (status, said, _) = it.fleet("units", "fleet", &[]);
+    assert_eq!(status, 1, "{said}");
+    let line = said.lines().find(|line| line.starts_with("RLG-1")).unwrap();
+    assert!(line.contains("not renewed: ") && line.contains("run-2.csv"), "{line}");
+    assert!(said.contains("1 not renewed"), "{said}");
+    let now = files(&it.path("fleet"));
+    for file in ["records/RLG-1.cal.json", "proofs/RLG-1.json", "records/RLG-0.cal.json"] {
+        assert_eq!(now[Path::new(file)], first[Path::new(file)], "{file}");
+    }
+    assert_eq!(column(&it.path("fleet/fleet.parquet"), "outcome")["RLG-1"], "not renewed");
+    fs::remove_file(&log).unwrap();
+    fs::rename(&away, &log).unwrap();
+    let (status, said, _) = it.fleet("units", "fleet", &[]);
+    assert!(status == 0 && said.matches("(unchanged)").count() == 2, "{said}");
+    assert_eq!(files(&it.path("fleet")), first);
 }
 
 /// Manifests and patterns that cannot be meant: refused with their place, before anything is written.

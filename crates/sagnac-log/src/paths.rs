@@ -40,7 +40,9 @@ pub fn folders_in(path: &Path) -> Result<Vec<PathBuf>> {
 /// A folder that cannot be read.
 pub fn files_in(path: &Path) -> Result<Vec<PathBuf>> {
     let mut all = entries(path)?;
-    all.retain(|entry| entry.is_file() && !is_hidden(entry));
+    // A link to a file that is away is one that cannot be read, and not one that is not meant.
+    let is_file = |entry: &Path| entry.is_file() || entry.is_symlink() && !entry.exists();
+    all.retain(|entry| is_file(entry) && !is_hidden(entry));
     in_order(&mut all);
     Ok(all)
 }

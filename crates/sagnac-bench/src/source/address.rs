@@ -7,6 +7,8 @@ use sagnac_log::{Error, Result};
 
 /// Baud of a serial port without one.
 const DEFAULT_BAUD: u32 = 115_200;
+/// Times real time that a replay may have: a row of 0.1 s takes less than two minutes, and a day more than 80 µs.
+const SPEEDS: std::ops::RangeInclusive<f64> = 1e-3..=1e9;
 /// Help for an address that is none.
 const FORMS: &str =
     "write it as -, file:PATH, tcp://HOST:PORT, udp://HOST:PORT, serial:DEVICE?baud=115200 or replay:LOG?speed=10";
@@ -94,7 +96,7 @@ impl FromStr for Address {
                 let speed = match speed {
                     None => 1.0,
                     Some("max") => f64::INFINITY,
-                    Some(speed) => speed.parse().ok().filter(|speed| *speed > 0.0).ok_or_else(bad)?,
+                    Some(speed) => speed.parse().ok().filter(|speed| SPEEDS.contains(speed)).ok_or_else(bad)?,
                 };
                 Ok(Self::Replay { path: path(log)?, speed })
             }
@@ -172,6 +174,9 @@ mod tests {
             "file:",
             "serial:/dev/x?bauds=1",
             "replay:a?speed=0",
+            "replay:a?speed=1e-300",
+            "replay:a?speed=inf",
+            "replay:a?speed=1e10",
             "ftp://x:1",
         ] {
             assert_eq!(read(bad), None, "{bad}");

@@ -18,6 +18,8 @@ use crate::source::replay::replay;
 const PIECE_BYTES: usize = MOST_PAYLOAD_BYTES / 2;
 /// How often a file is looked at whether it has grown.
 const GROWN: Duration = Duration::from_millis(100);
+/// Bytes of a file, the first and the last that were read, by which it is known again.
+const KEPT_BYTES: usize = 1024;
 /// Time to make a connection.
 const CONNECT: Duration = Duration::from_secs(3);
 
@@ -85,16 +87,22 @@ fn file(path: &Path, GoOn { place: at, tail }: &mut GoOn, out: &Out) -> SessionE
         *at = 0;
     }
     tail.clear();
-    if let Err(error) = open.seek(SeekFrom::Start(*at)) {
-        return SessionEnd::NotConnected(error.to_string());
-    }
+    let mut read_before = match ReadBefore::up_to(&mut open, *at) {
+        Ok(read_before) => read_before,
+        Err(error) => return SessionEnd::NotConnected(error.to_string()),
+    };
     if !out.send(SourceEvent::Connected(Connection::from_byte(path.display().to_string(), *at))) {
         return SessionEnd::Stopped;
     }
     let mut bytes = vec![0; PIECE_BYTES];
     loop {
-        match open.read(&mut bytes) {
-            Ok(0) => {
+        let read = read_before.is_there(&mut open, *at).and_then(|same| Ok((same, open.read(&mut bytes)?)));
+        match read {
+            Ok((false, _)) => {
+                *at = 0;
+                return SessionEnd::Lost("the file was written again".to_owned());
+            }
+            Ok((true, 0)) => {
                 if let Some(why) = replaced(path, &open, *at) {
                     *at = 0;
                     return SessionEnd::Lost(why);
@@ -103,8 +111,9 @@ fn file(path: &Path, GoOn { place: at, tail }: &mut GoOn, out: &Out) -> SessionE
                     return SessionEnd::Stopped;
                 }
             }
-            Ok(read) => {
+            Ok((true, read)) => {
                 *at += read as u64;
+                read_before.add(bytes.get(..read).unwrap_or_default());
                 let came = SourceEvent::Bytes(bytes.get(..read).unwrap_or_default().to_vec());
                 if !out.send(came) || out.stop.is_stopped() {
                     return SessionEnd::Stopped;
@@ -113,6 +122,43 @@ fn file(path: &Path, GoOn { place: at, tail }: &mut GoOn, out: &Out) -> SessionE
             Err(error) if is_late(&error) => {}
             Err(error) => return SessionEnd::Lost(error.to_string()),
         }
+    }
+}
+
+/// The first and the last bytes of a file that were read: a file that is written again under its reader has others.
+struct ReadBefore {
+    first: Vec<u8>,
+    last: Vec<u8>,
+}
+
+impl ReadBefore {
+    /// Of the bytes before a place; the file is there then.
+    fn up_to(open: &mut File, at: u64) -> std::io::Result<Self> {
+        let mut part = |from: u64| {
+            let mut bytes = Vec::new();
+            open.seek(SeekFrom::Start(from))?;
+            open.by_ref().take((at - from).min(KEPT_BYTES as u64)).read_to_end(&mut bytes)?;
+            Ok::<_, std::io::Error>(bytes)
+        };
+        let read_before = Self { first: part(0)?, last: part(at.saturating_sub(KEPT_BYTES as u64))? };
+        open.seek(SeekFrom::Start(at))?;
+        Ok(read_before)
+    }
+
+    fn add(&mut self, bytes: &[u8]) {
+        let room = KEPT_BYTES.saturating_sub(self.first.len());
+        self.first.extend(bytes.iter().take(room));
+        self.last.extend_from_slice(bytes);
+        self.last.drain(..self.last.len().saturating_sub(KEPT_BYTES));
+    }
+
+    /// The file still has them before the place that it is read at. One that became shorter is looked at by [`replaced`].
+    fn is_there(&self, open: &mut File, at: u64) -> std::io::Result<bool> {
+        if open.metadata()?.len() < at {
+            return Ok(true);
+        }
+        let now = Self::up_to(open, at)?;
+        Ok(now.first == self.first && now.last == self.last)
     }
 }
 

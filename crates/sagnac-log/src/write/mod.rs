@@ -91,23 +91,68 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) 
         fill(&mut out)?;
         return out.flush().map_err(|e| failed(&e));
     }
-    let (path, folder) = target_of(path)?;
-    let (path, folder) = (path.as_path(), folder.as_path());
-    let (file, _known) = Unfinished::create(folder, path).map_err(|e| failed(&plain(&e)))?;
-    // The file itself, not its handle, whose errors would name the temporary path.
-    let mut out = std::io::BufWriter::new(file.as_file());
-    let named = |e: Error| if e.what.starts_with("cannot write") { e.file(path.display().to_string()) } else { e };
-    fill(&mut out).map_err(named)?;
-    out.flush().map_err(|e| failed(&e))?;
-    drop(out);
-    keep_mode(file.as_file(), path).map_err(|e| failed(&e))?;
-    file.as_file().sync_all().map_err(|e| failed(&e))?;
-    file.persist(path).map_err(|e| failed(&e.error))?;
-    if let Ok(folder) = std::fs::File::open(folder) {
-        // Makes the rename itself durable where the system can.
-        let _ = folder.sync_all();
+    Whole::new(path, fill)?.put()
+}
+
+/// Writes several files, and removes those without bytes: all of them are whole before the first replaces what was there. A failure before
+/// that, such as a full disk, leaves everything as it was.
+///
+/// # Errors
+/// As [`write_atomically`]; a file that cannot be removed.
+pub fn write_together(files: &[(&Path, Option<&[u8]>)]) -> Result<()> {
+    let whole = |path: &Path, bytes: &[u8]| {
+        refuse_no_file(path)?;
+        Whole::new(path, |out| out.write_all(bytes).map_err(|e| Error::io_path(path, "write", &e)))
+    };
+    let new = files.iter().map(|(path, bytes)| bytes.map(|bytes| whole(path, bytes)).transpose());
+    let new: Vec<Option<Whole>> = new.collect::<Result<_>>()?;
+    for ((path, _), new) in files.iter().zip(new) {
+        match new {
+            Some(new) => new.put()?,
+            None => match std::fs::remove_file(path) {
+                Err(e) if e.kind() != std::io::ErrorKind::NotFound => return Err(Error::io_path(path, "remove", &e)),
+                _ => {}
+            },
+        }
     }
     Ok(())
+}
+
+/// A file that is whole on the disk, under another name than its own.
+struct Whole {
+    path: PathBuf,
+    folder: PathBuf,
+    file: tempfile::NamedTempFile,
+    known: Unfinished,
+}
+
+impl Whole {
+    fn new(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) -> Result<()>) -> Result<Self> {
+        let (path, folder) = target_of(path)?;
+        let failed = |e: &std::io::Error| Error::io_path(&path, "write", e);
+        let (file, known) = Unfinished::create(&folder, &path).map_err(|e| failed(&plain(&e)))?;
+        // The file itself, not its handle, whose errors would name the temporary path.
+        let mut out = std::io::BufWriter::new(file.as_file());
+        let named = |e: Error| if e.what.starts_with("cannot write") { e.file(path.display().to_string()) } else { e };
+        fill(&mut out).map_err(named)?;
+        out.flush().map_err(|e| failed(&e))?;
+        drop(out);
+        keep_mode(file.as_file(), &path).map_err(|e| failed(&e))?;
+        file.as_file().sync_all().map_err(|e| failed(&e))?;
+        Ok(Self { path, folder, file, known })
+    }
+
+    /// Under its own name.
+    fn put(self) -> Result<()> {
+        let Self { path, folder, file, known } = self;
+        file.persist(&path).map_err(|e| Error::io_path(&path, "write", &e.error))?;
+        drop(known);
+        if let Ok(folder) = std::fs::File::open(folder) {
+            // Makes the rename itself durable where the system can.
+            let _ = folder.sync_all();
+        }
+        Ok(())
+    }
 }
 
 /// Tries whether a file can be written, before the work that fills it: its folder is there and takes a file. A file that is there keeps its

@@ -4,18 +4,19 @@
 //! answer ─▶ records/UNIT.cal.json, proofs/UNIT.json ─▶ units/UNIT.json, last ─▶ all of them: fleet.parquet
 //! ```
 //!
-//! What a unit had before is replaced when its new result is there: a program that is killed leaves each unit as it was or as it is.
+//! What a unit had before is replaced when all of its new files are whole: a full disk, or a program that is killed, leaves each unit as it was or
+//! as it is. A unit whose logs cannot be read keeps what it has, and says so.
 
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
 use super::Unit;
-use super::result::{UnitResult, VERSION};
+use super::result::{UnitOutcome, UnitResult, VERSION};
 use super::unit::Answer;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::sha256_of_file;
 use sagnac_log::paths::files_in;
-use sagnac_log::write::{remove_abandoned, write_bytes};
+use sagnac_log::write::{remove_abandoned, write_bytes, write_together};
 
 /// Folder of the records, of the proofs, and of what is known of each unit.
 const RECORDS: &str = "records";
@@ -71,23 +72,33 @@ impl Results {
     /// # Errors
     /// A file that cannot be written.
     pub fn take(&self, unit: &Unit, before: Option<UnitResult>, answer: Answer) -> Result<(UnitResult, bool)> {
+        let Files { result: of_result, record: of_record, proof: of_proof } = Files::of(&unit.name, &self.folder);
         let (result, record, proof) = match (answer, before) {
-            (Answer::Done { result, record, proof }, _) => (*result, record, proof),
             (Answer::Unchanged, Some(before)) => {
-                return Ok((UnitResult { lot: unit.lot.clone(), rig: unit.rig.clone(), ..before }, true));
+                let is_renewed = before.outcome == UnitOutcome::NotRenewed;
+                let now = UnitResult { lot: unit.lot.clone(), rig: unit.rig.clone(), ..before }.renewed();
+                if is_renewed {
+                    write_bytes(&of_result, text_of(&now)?.as_bytes())?;
+                }
+                return Ok((now, true));
             }
             (Answer::Unchanged, None) => {
                 return Err(Error::defect("a unit is unchanged, but has no earlier result").file(&unit.name));
             }
+            // Without a key its logs could not be read.
+            (Answer::Done { result, .. }, Some(before)) if result.key.is_empty() && before.record_sha256.is_some() => {
+                let kept = UnitResult { outcome: UnitOutcome::NotRenewed, refusal: result.refusal, ..before };
+                write_bytes(&of_result, text_of(&kept)?.as_bytes())?;
+                return Ok((kept, true));
+            }
+            (Answer::Done { result, record, proof }, _) => (*result, record, proof),
         };
-        let Files { result: of_result, record: of_record, proof: of_proof } = Files::of(&unit.name, &self.folder);
-        [&of_result, &of_record, &of_proof].into_iter().try_for_each(|path| remove(path))?;
-        for (path, text) in [(of_record, record), (of_proof, proof)] {
-            text.map_or(Ok(()), |text| write_bytes(&path, text.as_bytes()))?;
-        }
-        let text = serde_json::to_string_pretty(&result)
-            .map_err(|e| Error::defect(format!("cannot write the result of {}: {e}", unit.name)))?;
-        write_bytes(&of_result, text.as_bytes())?;
+        let text = text_of(&result)?;
+        write_together(&[
+            (&of_record, record.as_deref().map(str::as_bytes)),
+            (&of_proof, proof.as_deref().map(str::as_bytes)),
+            (&of_result, Some(text.as_bytes())),
+        ])?;
         Ok((result, false))
     }
 
@@ -171,11 +182,9 @@ impl Files {
     }
 }
 
-fn remove(path: &Path) -> Result<()> {
-    match fs::remove_file(path) {
-        Err(e) if e.kind() != std::io::ErrorKind::NotFound => Err(Error::io_path(path, "remove", &e)),
-        _ => Ok(()),
-    }
+fn text_of(result: &UnitResult) -> Result<String> {
+    serde_json::to_string_pretty(result)
+        .map_err(|e| Error::defect(format!("cannot write the result of {}: {e}", result.unit)))
 }
 
 /// The lock of a folder, for as long as the file is open.

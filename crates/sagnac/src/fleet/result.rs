@@ -25,9 +25,9 @@ pub struct UnitResult {
     pub rig: String,
     /// What it was made of, as a hash; another key means another result. Empty where its logs cannot be read.
     pub key: String,
-    /// Calibrated, refused or failed.
+    /// Calibrated, refused, not renewed or failed.
     pub outcome: UnitOutcome,
-    /// Why not, where it was not calibrated.
+    /// Why not, where it was not calibrated, or not renewed.
     pub refusal: Option<Refusal>,
     /// SHA-256 of its record.
     pub record_sha256: Option<String>,
@@ -55,6 +55,8 @@ pub enum UnitOutcome {
     Calibrated,
     /// The data cannot support a calibration.
     Refused,
+    /// There is a record from before, whose logs cannot be read now.
+    NotRenewed,
     /// A log or setup that cannot be read.
     #[default]
     Failed,
@@ -66,6 +68,7 @@ impl UnitOutcome {
         match self {
             Self::Calibrated => "calibrated",
             Self::Refused => "refused",
+            Self::NotRenewed => "not renewed",
             Self::Failed => "failed",
         }
     }
@@ -227,6 +230,14 @@ impl UnitResult {
     pub(super) fn refused(&mut self, error: Error) {
         self.outcome = if error.kind == ErrorKind::Refused { UnitOutcome::Refused } else { UnitOutcome::Failed };
         self.refusal = Some(error.into());
+    }
+
+    /// With its logs there again, as they were.
+    pub(super) fn renewed(self) -> Self {
+        if self.outcome != UnitOutcome::NotRenewed {
+            return self;
+        }
+        Self { outcome: UnitOutcome::Calibrated, refusal: None, ..self }
     }
 
     pub(super) fn proved(&mut self, verification: &Verification, proof_sha256: String) {

@@ -17,6 +17,8 @@ pub struct Summary {
     pub calibrated: usize,
     /// Those whose data cannot support a calibration.
     pub refused: usize,
+    /// Those with a record from before, whose logs cannot be read now.
+    pub not_renewed: usize,
     /// Those with a log or setup that cannot be read.
     pub failed: usize,
     /// Of those with a retest and limits: how many met them, and how many did not or could not be judged.
@@ -35,6 +37,7 @@ impl Summary {
         *match result.outcome {
             UnitOutcome::Calibrated => &mut self.calibrated,
             UnitOutcome::Refused => &mut self.refused,
+            UnitOutcome::NotRenewed => &mut self.not_renewed,
             UnitOutcome::Failed => &mut self.failed,
         } += 1;
         self.met += usize::from(result.acceptance == Acceptance::Met);
@@ -42,7 +45,7 @@ impl Summary {
         self.unchanged += usize::from(is_kept);
     }
 
-    /// True where every unit has a record and no retest was failed.
+    /// True where every unit has a record of its logs and no retest was failed.
     pub fn is_good(&self) -> bool {
         self.calibrated == self.units && self.not_met == 0
     }
@@ -56,6 +59,9 @@ impl Summary {
             self.refused,
             self.failed
         );
+        if self.not_renewed > 0 {
+            out += &format!(", {} not renewed", self.not_renewed);
+        }
         if self.met + self.not_met > 0 {
             out += &format!("; limits met by {} of {}", self.met, self.met + self.not_met);
         }

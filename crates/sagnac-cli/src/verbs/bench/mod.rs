@@ -15,6 +15,7 @@ use sagnac::window::WindowBuilder;
 use sagnac::{Error, Result};
 use sagnac_bench::live::{Live, LiveRequest};
 use sagnac_bench::page::{Page, PageOf};
+use sagnac_bench::source::Address;
 use sagnac_bench::{Finished, JournalRows, Session, finish, journal_of};
 use sagnac_log::setup::{RateUnit, Setup};
 use sagnac_log::write::write_bytes;
@@ -109,13 +110,13 @@ impl Verb for Args {
                 .file(self.output.display().to_string()));
         }
         let journal = journal_of(&self.output);
-        let files = Files::new().reads(&self.bench).reads(&self.setup.setup).writes([&self.output]);
-        self.report.check_with(files.writes(&self.calibration))?;
         let model: Model = self.model.parse()?;
         // A recording is finished with its own setup, or with a corrected one.
         let has_setup = self.bench.is_some() || self.setup.setup.is_some();
         let setup =
             if self.finish && !has_setup { JournalRows::open(&journal)?.start().setup() } else { setup_of(self)? };
+        let files = Files::new().reads(&self.bench).reads(&self.setup.setup).reads(files_of(&setup));
+        self.report.check_with(files.writes([&self.output, &journal]).writes(&self.calibration))?;
         let enough = enough_of(self, &setup)?;
         page_address(self)?;
         if !self.finish {
@@ -147,6 +148,16 @@ fn setup_of(args: &Args) -> Result<Setup> {
         setup.bench.limits = Some(limits.clone());
     }
     Ok(setup)
+}
+
+/// The files that a setup names: the source, and limits that are no name of a set.
+fn files_of(setup: &Setup) -> Vec<PathBuf> {
+    let source = setup.bench.source.as_deref().and_then(|source| source.parse().ok());
+    let source = match source {
+        Some(Address::File(path) | Address::Replay { path, .. }) => Some(path),
+        _ => None,
+    };
+    source.into_iter().chain(setup.bench.limits.iter().map(PathBuf::from)).collect()
 }
 
 /// A replay has hours in seconds.
@@ -182,6 +193,7 @@ fn enough_of(args: &Args, setup: &Setup) -> Result<Option<EnoughRequest>> {
 
 /// Records until the source ends, somebody ends it, or the test is complete.
 fn record(args: &Args, setup: &Setup, request: LiveRequest, journal: &Path, console: &mut Console) -> Result<()> {
+    interrupt::outlive_terminal();
     let session = Session::begin(setup, &program(), journal, args.resume)?;
     let stop = session.stop.clone();
     interrupt::first(move || stop.stop());
@@ -193,7 +205,7 @@ fn record(args: &Args, setup: &Setup, request: LiveRequest, journal: &Path, cons
     let mut shown = Shown::begin(args, &title, page.as_ref(), args.units.over(setup))?;
     loop {
         let has_ended = session.is_ended();
-        shown.show(&live, &session, console)?;
+        shown.show(&live, &session, console);
         if has_ended {
             break;
         }
@@ -231,14 +243,19 @@ impl Shown {
     }
 
     /// Shows what is new, and waits for more or a moment.
-    fn show(&mut self, live: &Live, session: &Session, console: &mut Console) -> Result<()> {
+    fn show(&mut self, live: &Live, session: &Session, console: &mut Console) {
         match self {
             Self::Lines(lines) => {
                 lines.show(live, &session.sources.now(), console);
                 lines.wait(live, &session.stop);
-                Ok(())
             }
-            Self::Screen(screen) => screen.show(live, &session.sources.now(), &session.stop),
+            Self::Screen(screen) => {
+                if let Err(error) = screen.show(live, &session.sources.now(), &session.stop) {
+                    // The terminal has gone away: the recording goes on.
+                    *self = Self::Lines(Lines::new(screen.units()));
+                    console.note(format!("the terminal is gone, the recording goes on: {error}"));
+                }
+            }
         }
     }
 

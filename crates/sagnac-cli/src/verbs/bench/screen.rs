@@ -3,10 +3,11 @@
 //! Wide terminals show all figures, narrow ones the one that was chosen by its number. It draws what is known at the moment, at any size, and holds
 //! up nobody: the recorder and the fits are on threads of their own.
 
-use std::io::Write;
+use std::io::{ErrorKind, Read, Write};
+use std::mem::ManuallyDrop;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
-use ratatui::crossterm::event::{self, Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::Marker;
@@ -43,11 +44,13 @@ pub(crate) struct View<'a> {
 
 /// The terminal; it is as before when this ends.
 pub(crate) struct BenchScreen {
-    terminal: DefaultTerminal,
+    /// Its own drop writes to standard error, and panics where that is gone too.
+    terminal: ManuallyDrop<DefaultTerminal>,
     title: String,
     chosen: usize,
     /// Keys were asked to end the recording once.
     asked: bool,
+    keys: Receiver<u8>,
     units: RateUnit,
 }
 
@@ -55,8 +58,9 @@ impl BenchScreen {
     /// Takes the terminal over.
     pub(crate) fn begin(title: &str, units: RateUnit) -> Result<Self> {
         let terminal = ratatui::try_init()
+            .map(ManuallyDrop::new)
             .map_err(|e| Error::input(format!("cannot draw on this terminal: {e}"), "remove --tui"))?;
-        Ok(Self { terminal, title: printable(title).into_owned(), chosen: 0, asked: false, units })
+        Ok(Self { terminal, title: printable(title).into_owned(), chosen: 0, asked: false, keys: keys(), units })
     }
 
     /// The unit of its rates.
@@ -74,42 +78,54 @@ impl BenchScreen {
                 .map(|_| ())
                 .map_err(failed)
         })?;
-        if event::poll(EVERY).map_err(failed)?
-            && let Event::Key(key) = event::read().map_err(failed)?
-        {
-            self.key(key, stop);
+        match self.keys.recv_timeout(EVERY) {
+            Ok(key) => self.key(key, stop),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => return Err(failed(ErrorKind::UnexpectedEof.into())),
         }
         Ok(())
     }
 
-    fn key(&mut self, key: KeyEvent, stop: &Stop) {
-        if key.kind != KeyEventKind::Press {
-            return;
-        }
-        let is_end = match key.code {
-            KeyCode::Char('c') => key.modifiers.contains(KeyModifiers::CONTROL),
-            KeyCode::Char('q') => true,
-            _ => false,
-        };
-        match key.code {
+    fn key(&mut self, key: u8, stop: &Stop) {
+        match key {
             // A terminal in this mode sends Ctrl-C as a key.
-            _ if is_end => {
+            CTRL_C | b'q' => {
                 if std::mem::replace(&mut self.asked, true) {
                     crate::files::interrupt::leave();
                 }
                 stop.stop();
             }
-            KeyCode::Char(digit @ '1'..='5') => self.chosen = digit as usize - '1' as usize,
-            KeyCode::Tab | KeyCode::Right => self.chosen = (self.chosen + 1) % FIGURES.len(),
-            KeyCode::Left => self.chosen = (self.chosen + FIGURES.len() - 1) % FIGURES.len(),
+            b'1'..=b'5' => self.chosen = usize::from(key - b'1'),
+            b'\t' => self.chosen = (self.chosen + 1) % FIGURES.len(),
             _ => {}
         }
     }
 }
 
+/// Ctrl-C in raw mode.
+const CTRL_C: u8 = 3;
+
+/// The keys of standard input. It ends with the terminal: a library that polls one that has gone away never returns.
+fn keys() -> Receiver<u8> {
+    let (to, keys) = sync_channel(16);
+    let read = move || {
+        let mut key = [0];
+        while std::io::stdin().read(&mut key).is_ok_and(|read| read == 1) {
+            if to.send(key[0]).is_err() {
+                return;
+            }
+        }
+    };
+    // Without the thread the keys are gone, and the recording is shown in lines.
+    let _ = sagnac_log::threads::spawn("keys", read);
+    keys
+}
+
 impl Drop for BenchScreen {
     fn drop(&mut self) {
-        ratatui::restore();
+        // Where the terminal is gone there is nothing to restore, and nobody to say so to.
+        let _ = self.terminal.show_cursor();
+        let _ = ratatui::try_restore();
         let _ = std::io::stdout().flush();
     }
 }
