@@ -311,7 +311,17 @@ fn a_log_that_is_away_keeps_the_record() {
         assert_eq!(now[Path::new(file)], first[Path::new(file)], "{file}");
     }
     assert_eq!(column(&it.path("fleet/fleet.parquet"), "outcome")["RLG-1"], "not renewed");
+    // All of its logs: a share that is not there.
     fs::remove_file(&log).unwrap();
+    let first_log = it.path("units/RLG-1/run-1.csv");
+    fs::rename(&first_log, it.path("run-1.away")).unwrap();
+    let (status, said, _) = it.fleet("units", "fleet", &[]);
+    assert!(status == 1 && said.contains("1 not renewed"), "{said}");
+    assert_eq!(
+        files(&it.path("fleet"))[Path::new("records/RLG-1.cal.json")],
+        first[Path::new("records/RLG-1.cal.json")]
+    );
+    fs::rename(it.path("run-1.away"), &first_log).unwrap();
     fs::rename(&away, &log).unwrap();
     let (status, said, _) = it.fleet("units", "fleet", &[]);
     assert!(status == 0 && said.matches("(unchanged)").count() == 2, "{said}");

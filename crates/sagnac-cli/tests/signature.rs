@@ -181,17 +181,21 @@ fn a_board_with_a_key_is_served_from_the_command_line() {
     };
     let signed = it.path("signed.img");
     let upload = ["export", text(&signed), "--to", "upload", "--trial"];
-    let service: &[&str] = &["line", "send", "service"];
+    let service = |change: &'static str| ["line", "send", "service", change];
     let hex = "30313233343536373839616263646566";
-    let answer =
-        ["line", "send", "answer", "--challenge", hex, "--key", text(&key), "--serial", &serial, "--axis", &axis];
+    let (key, serial, axis) = (text(&key).to_owned(), serial, axis);
+    let answer = |change: &'static str| {
+        ["line", "send", "answer", change, "--challenge", hex, "--key", &key, "--serial", &serial, "--axis", &axis]
+    };
     assert!(said(&[&upload]).contains("commit of an image: refused: the service mode is closed"));
-    let opened = said(&[service, &answer, &upload]);
+    let opened = said(&[&service("commit"), &answer("commit"), &upload]);
     assert!(opened.contains(&format!("challenge {hex}")) && opened.contains("answer to a challenge: done"), "{opened}");
     assert!(opened.contains("commit of an image: done; image 1 active, on trial: confirm it"), "{opened}");
     assert!(said(&[&["line", "send", "confirm"]]).contains("confirmation: refused: the service mode is closed"));
-    let confirmed = said(&[service, &answer, &["line", "send", "confirm"]]);
+    let other = said(&[&service("roll-back"), &answer("roll-back"), &["line", "send", "confirm"]]);
+    assert!(other.contains("confirmation: refused: the service mode is closed"), "{other}");
+    let confirmed = said(&[&service("confirm"), &answer("confirm"), &["line", "send", "confirm"]]);
     assert!(confirmed.contains("confirmation: done; image 1 active\n"), "{confirmed}");
-    let unsigned = said(&[service, &answer, &["export", text(&paper()), "--to", "upload"]]);
+    let unsigned = said(&[&service("commit"), &answer("commit"), &["export", text(&paper()), "--to", "upload"]]);
     assert!(unsigned.contains("refused: not signed, and this gyro has a key"), "{unsigned}");
 }

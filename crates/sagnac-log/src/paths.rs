@@ -40,8 +40,6 @@ pub fn folders_in(path: &Path) -> Result<Vec<PathBuf>> {
 /// A folder that cannot be read.
 pub fn files_in(path: &Path) -> Result<Vec<PathBuf>> {
     let mut all = entries(path)?;
-    // A link to a file that is away is one that cannot be read, and not one that is not meant.
-    let is_file = |entry: &Path| entry.is_file() || entry.is_symlink() && !entry.exists();
     all.retain(|entry| is_file(entry) && !is_hidden(entry));
     in_order(&mut all);
     Ok(all)
@@ -79,6 +77,11 @@ fn is_pattern(path: &Path) -> bool {
     !path.exists() && path.to_str().is_some_and(|text| text.contains(['*', '?', '[']))
 }
 
+/// A file, or a link to one that is away: that cannot be read, and it is meant all the same.
+fn is_file(path: &Path) -> bool {
+    path.is_file() || path.is_symlink() && !path.exists()
+}
+
 fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.to_string_lossy().starts_with('.'))
 }
@@ -98,7 +101,7 @@ fn entries(path: &Path) -> Result<Vec<PathBuf>> {
 
 fn folder(path: &Path) -> Result<Vec<PathBuf>> {
     let mut logs = entries(path)?;
-    logs.retain(|file| file.is_file() && is_log(file));
+    logs.retain(|file| is_file(file) && is_log(file));
     if logs.is_empty() {
         return Err(Error::input(
             "the folder contains no log",
@@ -116,7 +119,7 @@ fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {
         Error::input(what, "give an existing file, or a pattern such as 'run-*.csv' in quotes").file(text)
     };
     let paths = glob::glob_with(text, AS_FILES).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
-    let mut logs: Vec<PathBuf> = paths.filter_map(std::result::Result::ok).filter(|path| path.is_file()).collect();
+    let mut logs: Vec<PathBuf> = paths.filter_map(std::result::Result::ok).filter(|path| is_file(path)).collect();
     if logs.is_empty() {
         return Err(refused("no file matches this pattern".to_owned()));
     }

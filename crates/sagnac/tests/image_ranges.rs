@@ -119,9 +119,9 @@ fn a_slow_update_that_takes_too_long_is_refused() {
     let found = fit(logs(), &limited(needs - 1), "auto").unwrap();
     assert!(instructions(&found) < needs, "{}", found.axes[0].correction.model);
     let rejected = &found.axes[0].fit.as_ref().unwrap().rejected_models;
-    assert!(rejected.iter().any(|model| model.reason.contains("time for 924")), "{rejected:?}");
+    assert!(rejected.iter().any(|model| model.reason.contains("time for 894")), "{rejected:?}");
     let mut moved = free;
     moved.setup.slow_update_instructions_max = Some(needs - 1);
     let refusal = encode(&moved, &moved.axes[0], [0; 32], 1).unwrap_err().to_string();
-    assert!(refusal.contains("time for 924"), "{refusal}");
+    assert!(refusal.contains("time for 894"), "{refusal}");
 }

@@ -85,8 +85,7 @@ impl Results {
             (Answer::Unchanged, None) => {
                 return Err(Error::defect("a unit is unchanged, but has no earlier result").file(&unit.name));
             }
-            // Without a key its logs could not be read.
-            (Answer::Done { result, .. }, Some(before)) if result.key.is_empty() && before.record_sha256.is_some() => {
+            (Answer::Done { result, .. }, Some(before)) if is_away(unit, &result) && before.record_sha256.is_some() => {
                 let kept = UnitResult { outcome: UnitOutcome::NotRenewed, refusal: result.refusal, ..before };
                 write_bytes(&of_result, text_of(&kept)?.as_bytes())?;
                 return Ok((kept, true));
@@ -180,6 +179,11 @@ impl Files {
             proof: folder.join(PROOFS).join(format!("{unit}.json")),
         }
     }
+}
+
+/// The unit has no logs, or without a key some that could not be read.
+fn is_away(unit: &Unit, result: &UnitResult) -> bool {
+    unit.runs.is_empty() || result.key.is_empty()
 }
 
 fn text_of(result: &UnitResult) -> Result<String> {
