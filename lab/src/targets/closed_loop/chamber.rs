@@ -9,23 +9,21 @@ use super::units::{CODES_PER_C, FRAME_TICKS};
 
 /// The rows of a simulated log, one for each second: a frame of the target.
 ///
-/// The target's thermometer takes a row to convert: a row has the temperature of the row before. A replay reads what is stamped at or before its
-/// slow update, so it reads the same.
+/// The slices of the slow update at the end of a row begin within it, so they read its temperature. A replay reads what is stamped at or before
+/// its slow update, so it reads the same.
 pub(super) fn rows(log: &Path) -> Result<Vec<Row>> {
     let text = std::fs::read_to_string(log).with_context(|| format!("cannot read {}", log.display()))?;
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next().context("an empty log")?.split(',').collect();
     let place = |name: &str| header.iter().position(|column| *column == name).with_context(|| format!("no {name}"));
     let [time, counts, temperature] = [place("time_s")?, place("counts")?, place("temperature_c")?];
-    let (mut rows, mut before) = (Vec::new(), None);
+    let mut rows = Vec::new();
     for (second, line) in (1_u32..).zip(lines) {
         let cells: Vec<&str> = line.split(',').collect();
         let cell = |at: usize| cells.get(at).copied().with_context(|| format!("a short row: {line}"));
         ensure!(cell(time)?.parse() == Ok(f64::from(second)), "rows of a second are needed: {line}");
         let code = (cell(temperature)?.parse::<f64>()? * CODES_PER_C).round() as i32;
-        let codes = [before.unwrap_or(code), 0, 0, 0];
-        rows.push(Row { ticks: FRAME_TICKS, counts: cell(counts)?.parse()?, present: 1, codes });
-        before = Some(code);
+        rows.push(Row { ticks: FRAME_TICKS, counts: cell(counts)?.parse()?, present: 1, codes: [code, 0, 0, 0] });
     }
     Ok(rows)
 }

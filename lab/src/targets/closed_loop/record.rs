@@ -34,8 +34,8 @@ impl Record {
         })
     }
 
-    /// Every row that was fed is a frame of the recording, with its counts and what the slow update at its end read: the code of the next row, for the
-    /// last one its own. No frame is missing.
+    /// Every row that was fed is a frame of the recording, with its counts and what the slow update at its end read: its own code. The
+    /// last one, behind which nothing was read, has that of its beginning. No frame is missing.
     pub(super) fn holds_what_was_fed(&self, fed: &[Row]) -> Result<i64> {
         ensure!(
             self.counts.len() == fed.len(),
@@ -45,13 +45,14 @@ impl Record {
         );
         let in_order = (0_u32..).zip(&self.sequence).all(|(number, sequence)| f64::from(number) == *sequence);
         ensure!(in_order, "a frame is missing or twice");
-        let next = fed.iter().skip(1).chain(fed.last());
-        let rows = self.counts.iter().zip(&self.temperature_c).zip(fed.iter().zip(next)).zip(1_u32..);
-        for (((counts, celsius), (row, next)), second) in rows {
+        let before_last = fed.iter().rev().skip(1).take(1);
+        let read = fed.iter().take(fed.len().saturating_sub(1)).chain(before_last);
+        let rows = self.counts.iter().zip(&self.temperature_c).zip(fed.iter().zip(read)).zip(1_u32..);
+        for (((counts, celsius), (row, read)), second) in rows {
             let code = celsius * CODES_PER_C;
             ensure!(
-                *counts == f64::from(row.counts) && code == f64::from(next.codes[0]),
-                "second {second}: {counts} counts at {celsius} °C are recorded, {row:?} was fed, then {next:?}"
+                *counts == f64::from(row.counts) && code == f64::from(read.codes[0]),
+                "second {second}: {counts} counts at {celsius} °C are recorded, {row:?} was fed"
             );
         }
         Ok(fed.iter().map(|row| i64::from(row.counts)).sum())
