@@ -53,6 +53,14 @@ impl Bench {
         self.command(more).output().unwrap()
     }
 
+    /// A command on a terminal of its own, whose output is in `shown`.
+    #[cfg(target_os = "linux")]
+    fn on_terminal(&self, line: &str) -> Child {
+        let mut terminal = Command::new("script");
+        terminal.args(["-qefc", line, "shown"]).current_dir(self.folder.path()).env("TERM", "xterm-256color");
+        terminal.stdin(Stdio::piped()).stdout(Stdio::null()).spawn().expect("script of util-linux")
+    }
+
     fn journal_bytes(&self) -> u64 {
         std::fs::metadata(self.path("run.parquet.journal")).map_or(0, |file| file.len())
     }
@@ -344,14 +352,7 @@ fn a_recording_outlives_its_terminal() {
             "echo $$ > pid; exec {} bench bench.toml -o run.parquet --page none {more} --source file:live.csv",
             env!("CARGO_BIN_EXE_sagnac")
         );
-        let mut terminal = Command::new("script")
-            .args(["-qefc", &line, "shown"])
-            .current_dir(bench.folder.path())
-            .env("TERM", "xterm-256color")
-            .stdin(Stdio::piped())
-            .stdout(Stdio::null())
-            .spawn()
-            .expect("script of util-linux");
+        let mut terminal = bench.on_terminal(&line);
         until("the first rows", || bench.journal_bytes() > 600);
         terminal.kill().unwrap();
         terminal.wait().unwrap();
@@ -519,14 +520,7 @@ fn a_terminal_shows_the_figures() {
         "stty cols 140 rows 45; {} bench bench.toml -o run.parquet --page none --tui --source file:live.csv",
         env!("CARGO_BIN_EXE_sagnac")
     );
-    let mut child = Command::new("script")
-        .args(["-qefc", &line, "shown"])
-        .current_dir(bench.folder.path())
-        .env("TERM", "xterm-256color")
-        .stdin(Stdio::piped())
-        .stdout(Stdio::null())
-        .spawn()
-        .expect("script of util-linux");
+    let mut child = bench.on_terminal(&line);
     let shown = || text(&std::fs::read(bench.path("shown")).unwrap_or_default());
     until("the figures", || ["Allan", "temperature", "bias"].iter().all(|word| shown().contains(word)));
     child.stdin.take().unwrap().write_all(b"q").unwrap();

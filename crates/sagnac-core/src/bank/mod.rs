@@ -22,8 +22,9 @@
 //! [`TRIAL_STARTS`] on it sets the active image aside, and from twice as many on the other one too, until power-on or the next store.
 //!
 //! A store refuses an image whose own sequence number is not after that of the active one (RFC 1982: less than 2³¹ above it, over the end of
-//! the numbers as well), so an old file cannot return by mistake, and no number is the last one. Use [`Banks::roll_back`] to go back. A withdrawn image stays withdrawn, even if the older image is damaged later: the note is next to
-//! that image, in four copies, and no erase of the withdrawn bank can remove it. `docs/reference/image-format.md` has the bytes.
+//! the numbers as well), so an old file cannot return by mistake, and no number is the last one. Use [`Banks::roll_back`] to go back. A
+//! withdrawn image stays withdrawn, even if the older image is damaged later: the note is next to that image, in four copies, and no erase
+//! of the withdrawn bank can remove it. `docs/reference/image-format.md` has the bytes.
 //!
 //! Limits: if both banks are damaged at once the factory defaults run, and [`Loaded::origin`] says so. A damaged commit word looks like
 //! a store that was cut in that word; both are [`BankReport::Damaged`]. A commit word that reads differently each time cannot be detected.
