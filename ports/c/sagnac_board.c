@@ -47,7 +47,7 @@ static void board_seal(sagnac_board *board)
     board->update_at = (board->frame.tick + board->state.ticks_to_update) & 0xFFFFFFFFU;
 }
 
-static void board_begin_anew(sagnac_board *board)
+static void board_begin_again(sagnac_board *board)
 {
     sagnac_state_restart(&board->state);
     board->is_pending = SAGNAC_NO;
@@ -67,7 +67,7 @@ static void board_check_state(sagnac_board *board)
         holds = SAGNAC_NO;
     }
     if (holds == 0U) {
-        board_begin_anew(board);
+        board_begin_again(board);
         board->frame.status |= SAGNAC_UPSET;
     }
 }
@@ -224,7 +224,7 @@ static void board_make_slices(sagnac_board *board, const sagnac_sample *sample)
             sagnac_compensator_begin_update(&board->image, &board->state, sample->codes, sample->present, &board->pending);
             board->is_pending = SAGNAC_YES;
         } else {
-            board_begin_anew(board);
+            board_begin_again(board);
             board->frame.status |= SAGNAC_UPSET;
         }
     }
@@ -354,7 +354,7 @@ void sagnac_board_make_up(sagnac_board *board, uint32_t missed_ticks)
     }
     if (missed_ticks > SAGNAC_LONGEST_PAUSE_TICKS) {
         board->frame.tick = (board->frame.tick + missed_ticks) & 0xFFFFFFFFU;
-        board_begin_anew(board);
+        board_begin_again(board);
     } else {
         uint32_t rest = missed_ticks;
         while (rest > 0U) {

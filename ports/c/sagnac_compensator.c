@@ -248,17 +248,17 @@ static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory
 /* The lag begins again with a step that has stayed, of the input or of what it is derived from, or after a hold of more than an eighth of
  * tau: 1/(8 alpha) updates. */
 /* SAG-CORE-004 */
-static void begin_anew(const sagnac_input *spec, sagnac_input_state *memory, uint32_t stepped, int32_t t_q24)
+static void begin_again(const sagnac_input *spec, sagnac_input_state *memory, uint32_t stepped, int32_t t_q24)
 {
     if (spec->alpha_mantissa != 0U) {
-        uint32_t anew = stepped;
+        uint32_t restarts = stepped;
         if (memory->held_updates > 0U) {
             const int64_t longest = sagnac_power(spec->alpha_shift - HOLD_SHIFT) / (int64_t)spec->alpha_mantissa;
             if ((int64_t)memory->held_updates > longest) {
-                anew = 1U;
+                restarts = 1U;
             }
         }
-        if (anew != 0U) {
+        if (restarts != 0U) {
             memory->lag_q46 = (int64_t)t_q24 * (int64_t)4194304;
             memory->remainder = 0;
             memory->settled_updates = 0U;
@@ -285,7 +285,7 @@ static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory,
     if ((fresh != 0U) && (memory->has_last == 0U)) {
         memory->lag_q46 = (int64_t)t_q24 * (int64_t)4194304;
     } else if (fresh != 0U) {
-        begin_anew(spec, memory, (fresh == 2U) ? SAGNAC_YES : SAGNAC_NO, t_q24);
+        begin_again(spec, memory, (fresh == 2U) ? SAGNAC_YES : SAGNAC_NO, t_q24);
     } else {
         /* Missing. */
     }

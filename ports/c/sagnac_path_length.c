@@ -78,7 +78,7 @@ static void path_sweep(const sagnac_path_length *loop, sagnac_path_length_state 
 }
 
 /* A check of the second harmonic begins. */
-static void path_check_anew(sagnac_path_length_state *state)
+static void path_check_again(sagnac_path_length_state *state)
 {
     state->seen_second = 0;
     state->seen_plain = 0;
@@ -115,7 +115,7 @@ static void path_close(const sagnac_path_length *loop, sagnac_path_length_state 
 {
     const uint32_t repeated = ((sum * 2) >= state->best) ? SAGNAC_YES : SAGNAC_NO;
     state->best = 0;
-    path_check_anew(state);
+    path_check_again(state);
     if (repeated != 0U) {
         state->phase = SAGNAC_PATH_CLOSING;
         state->count = 0U;
@@ -134,7 +134,7 @@ static void path_closing(const sagnac_path_length *loop, sagnac_path_length_stat
         const uint32_t small = (sagnac_size32(error) < sagnac_size32(loop->lock_error)) ? SAGNAC_YES : SAGNAC_NO;
         state->count = ((small != 0U) && (dark == 0U)) ? (state->count + 1U) : 0U;
         if (state->count <= 1U) {
-            path_check_anew(state);
+            path_check_again(state);
         }
         path_see(loop, state, sum);
         if (state->count < loop->lock_periods) {
@@ -142,7 +142,7 @@ static void path_closing(const sagnac_path_length *loop, sagnac_path_length_stat
         } else if (path_shows_peak(state, loop->least_curvature_q8) != 0U) {
             state->phase = SAGNAC_PATH_LOCKED;
             state->count = 0U;
-            path_check_anew(state);
+            path_check_again(state);
         } else {
             path_without_peak(loop, state);
         }
@@ -183,7 +183,7 @@ static void path_stay(const sagnac_path_length *loop, sagnac_path_length_state *
     state->checked++;
     if (state->checked >= loop->lost_periods) {
         peak = path_shows_peak(state, loop->least_curvature_q8 / 2U);
-        path_check_anew(state);
+        path_check_again(state);
     }
     if (peak != 0U) {
         stay_or_reset(loop, state);
@@ -321,7 +321,7 @@ void sagnac_path_length_start(const sagnac_path_length *loop, sagnac_path_length
     state->index = 0U;
     state->second_harmonic = 0;
     state->aside = 0U;
-    path_check_anew(state);
+    path_check_again(state);
     state->phase = SAGNAC_PATH_DARK;
     state->left = 0U;
     state->count = 0U;

@@ -269,7 +269,7 @@ impl Board {
         self.frame.status |= Status::MISSED_TICKS;
         if missed_ticks > LONGEST_PAUSE_TICKS {
             self.frame.tick = self.frame.tick.wrapping_add(missed_ticks);
-            self.begin_anew();
+            self.begin_again();
             return;
         }
         let mut rest = missed_ticks;
@@ -291,13 +291,13 @@ impl Board {
     #[inline]
     fn check_state(&mut self) {
         if !self.seal.holds(&self.gyro, &self.state, self.frame.tick) {
-            self.begin_anew();
+            self.begin_again();
             self.frame.status |= Status::UPSET;
         }
     }
 
     #[cold]
-    fn begin_anew(&mut self) {
+    fn begin_again(&mut self) {
         self.state = self.gyro.restart(&self.state);
         self.pending = None;
         self.seal = Seal::of(&self.state, self.frame.tick);
@@ -310,8 +310,8 @@ impl Board {
         let of_tick = if period_ticks >= slices { 1 } else { slices.checked_div(period_ticks).unwrap_or(slices) + 1 };
         let left = self.state.ticks_to_update();
         if self.pending.is_none() && left > 0 && left <= slices {
-            if !self.seal.holds_now(&self.state) {
-                self.begin_anew();
+            if !self.seal.is_of(&self.state) {
+                self.begin_again();
                 self.frame.status |= Status::UPSET;
                 return;
             }
@@ -416,8 +416,7 @@ impl Seal {
         Self { checksum: state.checksum(), update_at: tick.wrapping_add(state.ticks_to_update()) }
     }
 
-    /// The checksum alone, before a slow update is begun.
-    fn holds_now(self, state: &State) -> bool {
+    fn is_of(self, state: &State) -> bool {
         self.checksum == state.checksum()
     }
 
@@ -425,7 +424,7 @@ impl Seal {
     #[inline]
     fn holds(self, gyro: &Compensator, state: &State, tick: u32) -> bool {
         let due = state.ticks_to_update() == 0;
-        gyro.is_plausible(state) && due == (tick == self.update_at) && (!due || self.checksum == state.checksum())
+        gyro.is_plausible(state) && due == (tick == self.update_at) && (!due || self.is_of(state))
     }
 }
 
