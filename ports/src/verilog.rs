@@ -10,7 +10,10 @@ use sagnac_loops::LoopTable;
 
 use crate::TextFile;
 
-const MODULES: [(&str, &str); 8] = [
+const MODULES: [(&str, &str); 11] = [
+    ("sagnac_increments.v", include_str!("../verilog/sagnac_increments.v")),
+    ("sagnac_constraints.xdc", include_str!("../verilog/sagnac_constraints.xdc")),
+    ("sagnac_constraints.sdc", include_str!("../verilog/sagnac_constraints.sdc")),
     ("sagnac_fast.v", include_str!("../verilog/sagnac_fast.v")),
     ("sagnac_series.v", include_str!("../verilog/sagnac_series.v")),
     ("sagnac_image.v", include_str!("../verilog/sagnac_image.v")),

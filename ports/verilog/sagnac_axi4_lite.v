@@ -15,6 +15,7 @@ module sagnac_axi4_lite #(
     parameter DERIVED = 1,
     parameter STEP_LIMITS = 1,
     parameter STATE_WORDS = 1,
+    parameter QUEUE_BITS = 4,
     parameter IMAGE = ""
 ) (
     input  wire                       s_axi_aclk,
@@ -45,6 +46,7 @@ module sagnac_axi4_lite #(
     input  wire signed [RAW_BITS-1:0] raw,
     output wire                       due,
     output wire                       refused,
+    output wire                       irq,
     output wire                       valid,
     output wire signed [31:0]         counts,
     output wire        [7:0]          status
@@ -66,10 +68,10 @@ module sagnac_axi4_lite #(
     wire writes = has_write_address && has_write_data && !s_axi_bvalid;
 
     sagnac_correction #(.RAW_BITS(RAW_BITS), .INPUTS(INPUTS), .PIECES(PIECES), .HARMONICS(HARMONICS), .DERIVED(DERIVED),
-                        .STEP_LIMITS(STEP_LIMITS), .STATE_WORDS(STATE_WORDS), .IMAGE(IMAGE)) correction (
+                        .STEP_LIMITS(STEP_LIMITS), .STATE_WORDS(STATE_WORDS), .QUEUE_BITS(QUEUE_BITS), .IMAGE(IMAGE)) correction (
         .clk(s_axi_aclk), .rst(!s_axi_aresetn), .write(writes && strobe == 4'b1111), .address(writes ? write_address : read_address),
         .write_data(write_data), .read_data(read_data), .tick(tick), .gap(gap), .raw(raw), .due(due), .refused(refused),
-        .valid(valid), .counts(counts), .status(status));
+        .irq(irq), .valid(valid), .counts(counts), .status(status));
 
     always @(posedge s_axi_aclk)
         if (!s_axi_aresetn) begin

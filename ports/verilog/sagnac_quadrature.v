@@ -5,7 +5,8 @@
 // COUNTS_PER_FRINGE 4 counts each step, 2 each change of A, 1 each rise of A with B low. A double step has no
 // known direction: it adds nothing and `lost` counts it. Bit for bit sagnac_loops::Quadrature.
 //
-// SYNCHRONIZED puts two flip-flops before each level, for levels that do not come from this clock. `sample` says when a pair
+// SYNCHRONIZED puts two flip-flops before each level, for levels that do not come from this clock; sagnac_constraints.xdc and .sdc take the
+// first of them out of the timing. `sample` says when a pair
 // is looked at: tie it high to look every clock. `take` gives out what was counted since the last one.
 // Fringes faster than a quarter per sample are lost, and counted in `lost`; so is each step beyond what COUNT_BITS hold between two
 // `take`s: the count stays at its end. `lost` itself stays at its largest value.
@@ -27,7 +28,7 @@ module sagnac_quadrature #(
     output reg  signed [1:0]            step,
     output reg         [31:0]           lost
 );
-    reg [1:0] a_steps, b_steps;
+    (* ASYNC_REG = "TRUE" *) reg [1:0] a_steps, b_steps;
     always @(posedge clk) begin
         a_steps <= {a_steps[0], a};
         b_steps <= {b_steps[0], b};

@@ -19,7 +19,7 @@ module tb_compensator;
 
     reg rst = 1'b1, tick = 1'b0, gap = 1'b0;
     reg signed [RAW_WIDTH-1:0] raw = {RAW_WIDTH{1'b0}};
-    wire due, refused, valid;
+    wire due, refused, irq, valid;
     wire signed [31:0] counts;
     wire [7:0] tick_status;
     reg [31:0] answer;
@@ -37,7 +37,7 @@ module tb_compensator;
         .s_axi_awready(awready), .s_axi_wdata(wdata), .s_axi_wstrb(wstrb), .s_axi_wvalid(wvalid), .s_axi_wready(wready),
         .s_axi_bresp(bresp), .s_axi_bvalid(bvalid), .s_axi_bready(bready), .s_axi_araddr(araddr), .s_axi_arprot(3'd0),
         .s_axi_arvalid(arvalid), .s_axi_arready(arready), .s_axi_rdata(rdata), .s_axi_rresp(rresp), .s_axi_rvalid(rvalid),
-        .s_axi_rready(rready), .tick(tick), .gap(gap), .raw(raw), .due(due), .refused(refused), .valid(valid), .counts(counts),
+        .s_axi_rready(rready), .tick(tick), .gap(gap), .raw(raw), .due(due), .refused(refused), .irq(irq), .valid(valid), .counts(counts),
         .status(tick_status));
 
     reg [31:0] pauses = 32'd1;
@@ -224,7 +224,7 @@ module tb_compensator;
     ) correction (
 `endif
         .clk(clk), .rst(rst), .write(write), .address(address), .write_data(write_data), .read_data(read_data), .tick(tick),
-        .gap(gap), .raw(raw), .due(due), .refused(refused), .valid(valid), .counts(counts), .status(tick_status));
+        .gap(gap), .raw(raw), .due(due), .refused(refused), .irq(irq), .valid(valid), .counts(counts), .status(tick_status));
 
     task bus_write(input [8:0] to, input [31:0] value);
         begin
@@ -257,6 +257,10 @@ module tb_compensator;
     reg signed [31:0] wanted;
     reg failed, started, early;
     integer ready_early;
+    localparam LENGTH = 3;
+    reg [31:0] totals [0:65535];
+    reg [31:0] total, taken, number, number_before;
+    integer increments, drained, longer;
     integer ticks, longest, clocks, left, refusals;
     reg [31:0] crc_before;
     reg [31:0] state_before [0:3];
@@ -301,6 +305,40 @@ module tb_compensator;
                 status = {24'd0, tick_status};
                 ticks = ticks + 1;
                 left = left - 1;
+                taken = taken + 1;
+                total = total + (without ? 32'd0 : counts);
+                totals[taken[15:0]] = total;
+            end
+        end
+    endtask
+
+    // The increments of the queue against the sums of the ticks; then none waits, and nothing interrupts.
+    task drain;
+        begin
+            bus_read(9'h022);
+            increments = answer;
+            while (increments != 0 && !failed) begin
+                bus_read(9'h023);
+                number = answer;
+                bus_read(9'h024);
+                if (answer !== totals[number[15:0]] - totals[number_before[15:0]] || number - number_before < LENGTH || number > taken || !irq) begin
+                    $display("FAILED: record %0d: increment %h up to tick %0d from %0d", record, answer, number, number_before);
+                    failed = 1'b1;
+                end
+                longer = longer + (number - number_before > LENGTH ? 1 : 0);
+                drained = drained + 1;
+                number_before = number;
+                bus_write(9'h022, 32'd0);
+                bus_read(9'h022);
+                increments = increments - 1;
+                if (answer !== increments && !failed) begin
+                    $display("FAILED: record %0d: %0d increments wait, %0d expected", record, answer, increments);
+                    failed = 1'b1;
+                end
+            end
+            if (irq && !failed) begin
+                $display("FAILED: record %0d: an interrupt without an increment", record);
+                failed = 1'b1;
             end
         end
     endtask
@@ -372,6 +410,14 @@ module tb_compensator;
                 failed = 1'b1;
             end
             bus_read(9'h002);
+            for (i = 0; i < image_words && expected == 3'd0 && !failed; i = i + 1) begin
+                bus_read(9'h100 + i[8:0]);
+                if (answer !== words[image_at + i]) begin
+                    $display("FAILED: section %0d: word %0d of the image in force reads %h", sections, i, answer);
+                    failed = 1'b1;
+                end
+            end
+            bus_read(9'h002);
             if (!failed && (expected == 3'd0 ? !answer[13] || answer[5:0] !== 6'b100000 : {answer[13], answer[7:0]} !== {status[13], status[7:0]})) begin
                 $display("FAILED: section %0d: state %h after a load, %h before", sections, answer, status);
                 failed = 1'b1;
@@ -394,6 +440,9 @@ module tb_compensator;
             @(negedge clk) rst = 1'b0;
             started = 1'b0;
             refusals = 0;
+            {total, taken, number_before, totals[0]} = 128'd0;
+            bus_write(9'h020, LENGTH);
+            bus_write(9'h021, 32'd1);
             // Without an image nothing is corrected and nothing is lost unseen.
             one_tick(32'sd0, 1'b0);
             if (!refused && !failed) begin
@@ -644,8 +693,11 @@ module tb_compensator;
                 faults = faults + (words[at + 3] != 32'd0 ? 1 : 0);
             spoiled_write;
             at = image_at + image_words;
-            for (record = 0; record < records && !failed; record = record + 1)
+            for (record = 0; record < records && !failed; record = record + 1) begin
                 step;
+                if (record % 3 == 0)
+                    drain;
+            end
             if (!failed) begin
                 bus_read(9'h004);
                 if (answer !== refusals) begin
@@ -661,6 +713,8 @@ module tb_compensator;
         started = 1'b0;
         {at, ticks, longest, refusals, sections, faults, record} = 224'd0;
         ready_early = 0;
+        {total, taken, number_before, totals[0]} = 128'd0;
+        {drained, longer} = 64'd0;
         if (!$value$plusargs("vectors=%s", name)) begin
             $display("FAILED: +vectors=FILE is missing");
             $finish;
@@ -670,6 +724,8 @@ module tb_compensator;
         $readmemh(name, words);
         repeat (3) @(negedge clk);
         rst = 1'b0;
+        bus_write(9'h020, LENGTH);
+        bus_write(9'h021, 32'd1);
         while (at < MOST_WORDS && words[at] === 32'h5a67ac01 && (words[at + 1] === 32'd1 || words[at + 1] === 32'd6) && !failed)
             section;
         // At the end of the vectors: a power-on, an update without samples, and a period with room for four ticks.
@@ -690,13 +746,17 @@ module tb_compensator;
 `endif
             end
         end
+        if (!failed && ticks > 100 && (drained == 0 || longer == 0)) begin
+            $display("FAILED: %0d increments, %0d of them longer", drained, longer);
+            failed = 1'b1;
+        end
         if (!failed && ticks == 0 && faults == 0) begin
             $display("FAILED: nothing was run: not a vector file of the compensator");
             failed = 1'b1;
         end
         if (!failed)
-            $display("PASSED: images loaded %0d, refused %0d; %0d ticks; %0d updates ready early; slow path %0d clocks at most%0s",
-                     sections - faults, faults, ticks, ready_early, longest, early ? "; early ticks refused" : "");
+            $display("PASSED: images loaded %0d, refused %0d; %0d ticks; %0d increments; %0d updates ready early; slow path %0d clocks at most%0s",
+                     sections - faults, faults, ticks, drained, ready_early, longest, early ? "; early ticks refused" : "");
         $finish;
     end
 endmodule

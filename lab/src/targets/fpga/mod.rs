@@ -17,7 +17,8 @@ use crate::places;
 use crate::targets::vector_files::{Spoiled, image, loops, spoiled, table, write};
 
 /// The modules of the correction behind its plain bus.
-const CORRECTION: [&str; 4] = ["sagnac_correction.v", "sagnac_image.v", "sagnac_series.v", "sagnac_fast.v"];
+const CORRECTION: [&str; 5] =
+    ["sagnac_correction.v", "sagnac_image.v", "sagnac_series.v", "sagnac_fast.v", "sagnac_increments.v"];
 /// Vectors of the correction, and the smallest width of the counts that they fit. `compensator-limits` advances many ticks at once,
 /// which no hardware does.
 const FILES: [(&str, u32); 8] = [
@@ -83,6 +84,8 @@ fn lint(folder: &Path) -> Result<()> {
         ("sagnac_axi4_lite", &["-GRAW_BITS=32"]),
         ("sagnac_axi4_lite", &["-GIMAGE=\"sagnac_image.hex\""]),
         ("sagnac_correction", &small),
+        ("sagnac_correction", &["-GQUEUE_BITS=1"]),
+        ("sagnac_correction", &["-GQUEUE_BITS=10"]),
         ("sagnac_quadrature", &[]),
         ("sagnac_path_length", &[]),
         ("sagnac_watch", &[]),
