@@ -8,7 +8,7 @@ use sagnac_bench::journal::JournalReader;
 
 libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
     let mut file = tempfile::NamedTempFile::new().expect("a temporary file");
-    file.write_all(&[&b"SGJ1"[..], bytes].concat()).expect("a disk with room");
+    file.write_all(&[&b"SGJ2"[..], bytes].concat()).expect("a disk with room");
     let mut reader = JournalReader::open(file.path()).expect("it begins with the magic");
     let mut at = 0;
     while let Some(entries) = reader.next_block(u64::MAX).expect("a file that can be read") {

@@ -2,12 +2,13 @@
 //!
 //! ```text
 //! file   block*
-//! block  "SGJ1"  u32 length of body  u32 CRC-32 of body  body: entries, LZ4 with their length in front
+//! block  "SGJ2"  u64 of the recording  u32 length of body  u32 CRC-32 of number and body  body: entries, LZ4 with their length in front
 //! entry  u8 kind  u8 source  i64 arrival, ns since 1970  u32 length  bytes          (all little-endian)
 //! ```
 //!
 //! Blocks are appended whole. A cut, wherever it falls, costs the block in which it is and nothing before it; a block that was damaged later
-//! costs itself, because the next one is found by its magic and its checksum. Rows, Parquet and the live figures are all made from this file and
+//! costs itself, because the next one is found by its magic, the random number of its recording, and its checksum: bytes of a source that are a
+//! block of another recording are none here. Journals of before have "SGJ1" and no number; they are read and continued as they are. Rows, Parquet and the live figures are all made from this file and
 //! from nothing else, so a recording that is resumed, or finished a week later, gives the rows that were shown.
 
 use std::fs::File;
@@ -16,9 +17,13 @@ use std::path::{Path, PathBuf};
 
 use sagnac_log::{Error, Result};
 
-/// First bytes of a block.
-const MAGIC: [u8; 4] = *b"SGJ1";
-const HEAD_BYTES: usize = 12;
+/// First bytes of a block, with the number of its recording behind them.
+const MAGIC: [u8; 4] = *b"SGJ2";
+const NUMBER_BYTES: usize = 8;
+/// Of a journal without such a number.
+const OLD_MAGIC: [u8; 4] = *b"SGJ1";
+/// Length and checksum of a body.
+const SIZES_BYTES: usize = 8;
 /// Most bytes of a block's entries.
 pub const MOST_BLOCK_BYTES: usize = 1 << 20;
 /// Bytes in which the next block is looked for first.
@@ -116,9 +121,46 @@ fn entries_of(mut bytes: &[u8]) -> Option<Vec<Entry>> {
     Some(entries)
 }
 
+/// First bytes of every block of one recording.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct Mark(Vec<u8>);
+
+impl Mark {
+    fn new() -> Result<Self> {
+        let mut number = [0; NUMBER_BYTES];
+        getrandom::fill(&mut number)
+            .map_err(|e| Error::input(format!("the system gives no random numbers: {e}"), "start the bench later"))?;
+        Ok(Self([&MAGIC[..], &number].concat()))
+    }
+
+    /// That of the block that these bytes begin.
+    fn of(bytes: &[u8]) -> Option<Self> {
+        let length = match *bytes.first_chunk::<4>()? {
+            MAGIC => MAGIC.len() + NUMBER_BYTES,
+            OLD_MAGIC => OLD_MAGIC.len(),
+            _ => return None,
+        };
+        bytes.get(..length).map(|mark| Self(mark.to_vec()))
+    }
+
+    /// Of the number and a body.
+    fn checksum(&self, body: &[u8]) -> u32 {
+        let mut digest = CRC.digest();
+        digest.update(self.0.get(MAGIC.len()..).unwrap_or_default());
+        digest.update(body);
+        digest.finalize()
+    }
+
+    /// Bytes before the body.
+    fn head_bytes(&self) -> usize {
+        self.0.len() + SIZES_BYTES
+    }
+}
+
 /// Appends to a journal.
 pub struct JournalWriter {
     file: File,
+    mark: Mark,
     path: PathBuf,
     /// Length of the file up to its last whole block.
     length: u64,
@@ -143,7 +185,7 @@ impl JournalWriter {
             .file(path.display().to_string()),
             _ => Error::io_path(path, "make", &e),
         })?;
-        Self::of(file, path, 0)
+        Self::of(file, path, Mark::new()?)
     }
 
     /// Goes on with a journal behind its last whole block; what a cut spoiled behind it is removed.
@@ -153,20 +195,21 @@ impl JournalWriter {
     pub fn resume(path: &Path) -> Result<Self> {
         let file = File::options().read(true).append(true).open(path).map_err(|e| Error::io_path(path, "write", &e))?;
         // Locked before its end is looked for.
-        let mut writer = Self::of(file, path, 0)?;
+        let mut writer = Self::of(file, path, Mark::new()?)?;
         let mut reader = JournalReader::open(path)?;
+        writer.mark = reader.mark.clone();
         while reader.next_block(u64::MAX)?.is_some() {}
         writer.length = reader.position();
         writer.file.set_len(writer.length).map_err(|e| Error::io_path(path, "write", &e))?;
         Ok(writer)
     }
 
-    fn of(file: File, path: &Path, length: u64) -> Result<Self> {
+    fn of(file: File, path: &Path, mark: Mark) -> Result<Self> {
         file.try_lock().map_err(|_| {
             Error::input("another program records into this file", "end that program, or give another -o")
                 .file(path.display().to_string())
         })?;
-        Ok(Self { file, path: path.to_owned(), length, waiting: Vec::new(), is_synced: true })
+        Ok(Self { file, mark, path: path.to_owned(), length: 0, waiting: Vec::new(), is_synced: true })
     }
 
     /// Adds an entry to the block that waits. A payload is at most [`MOST_PAYLOAD_BYTES`] long.
@@ -195,10 +238,10 @@ impl JournalWriter {
             return Ok(self.length);
         }
         let body = lz4_flex::block::compress_prepend_size(&self.waiting);
-        let mut block = Vec::with_capacity(HEAD_BYTES + body.len());
-        block.extend_from_slice(&MAGIC);
+        let mut block = Vec::with_capacity(self.mark.head_bytes() + body.len());
+        block.extend_from_slice(&self.mark.0);
         block.extend_from_slice(&(body.len() as u32).to_le_bytes());
-        block.extend_from_slice(&CRC.checksum(&body).to_le_bytes());
+        block.extend_from_slice(&self.mark.checksum(&body).to_le_bytes());
         block.extend_from_slice(&body);
         if let Err(error) = self.file.write_all(&block) {
             // Part of the block may be there: a reader would skip it, a resumed recording remove it.
@@ -228,6 +271,7 @@ impl JournalWriter {
 /// Reads a journal, also while it is written.
 pub struct JournalReader {
     file: File,
+    mark: Mark,
     path: PathBuf,
     /// Behind the last block that was read.
     position: u64,
@@ -260,6 +304,7 @@ impl JournalReader {
         let file = File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
         let mut reader = Self {
             file,
+            mark: Mark(Vec::new()),
             path: path.to_owned(),
             position: 0,
             damaged: 0,
@@ -267,17 +312,40 @@ impl JournalReader {
             #[cfg(test)]
             read: 0,
         };
-        let start = reader.bytes(0, MOST_PAYLOAD_BYTES)?;
-        if memchr::memmem::find(&start, &MAGIC).is_none() {
-            let what = if start.is_empty() {
+        let Some(mark) = reader.find_mark()? else {
+            let what = if reader.bytes(0, 1)?.is_empty() {
                 "the journal is empty: nothing was recorded"
             } else {
                 "this is not the journal of a recording"
             };
             return Err(Error::input(what, "remove --resume and --finish to begin a recording")
                 .file(path.display().to_string()));
-        }
+        };
+        (reader.mark, reader.credit) = (mark, FREE_BYTES);
         Ok(reader)
+    }
+
+    /// The mark of the first whole block. Where none is whole, that of the first place that may begin one near the start.
+    fn find_mark(&mut self) -> Result<Option<Mark>> {
+        let (mut at, mut first) = (0, None);
+        loop {
+            let next = self.next_of(&MAGIC[..3], at, u64::MAX)?;
+            let near = first.is_some() || next.is_some_and(|next| next < MOST_PAYLOAD_BYTES as u64);
+            let Some(next) = next.filter(|_| near) else { return Ok(first) };
+            self.credit = self.credit.saturating_add((next - at).saturating_mul(BYTES_EACH));
+            let head = self.bytes(next, MAGIC.len() + NUMBER_BYTES)?;
+            if let Some(mark) = Mark::of(&head) {
+                self.mark = mark.clone();
+                if matches!(self.look(next, u64::MAX)?, JournalPiece::Block { .. }) {
+                    return Ok(Some(mark));
+                }
+                first = first.or(Some(mark));
+            } else if next == 0 && head.starts_with(&MAGIC) {
+                // Cut within its first head: any mark finds nothing.
+                return Mark::new().map(Some);
+            }
+            at = next + 1;
+        }
     }
 
     /// The journal's file.
@@ -322,30 +390,32 @@ impl JournalReader {
     }
 
     fn look(&mut self, at: u64, end: u64) -> Result<JournalPiece> {
-        let room = end.saturating_sub(at);
-        let head = self.bytes(at, HEAD_BYTES)?;
-        let mut rest = head.as_slice();
-        let (Some(magic), Some(length), Some(checksum)) =
-            (front::<4>(&mut rest), front::<4>(&mut rest), front::<4>(&mut rest))
-        else {
+        let (room, head_bytes) = (end.saturating_sub(at), self.mark.head_bytes());
+        let head = self.bytes(at, head_bytes)?;
+        let sizes = head.split_at_checked(self.mark.0.len()).filter(|(mark, _)| *mark == self.mark.0.as_slice());
+        let Some((_, mut rest)) = sizes else {
+            let is_begun = head.len() < head_bytes && self.mark.0.starts_with(&head);
+            return Ok(if is_begun { JournalPiece::Short } else { JournalPiece::Damaged });
+        };
+        let (Some(length), Some(checksum)) = (front::<4>(&mut rest), front::<4>(&mut rest)) else {
             return Ok(JournalPiece::Short);
         };
         let length = u32::from_le_bytes(length) as usize;
         // LZ4 makes nothing longer by more than a part in 255.
-        if magic != MAGIC || length > MOST_BLOCK_BYTES + MOST_BLOCK_BYTES / 128 {
+        if length > MOST_BLOCK_BYTES + MOST_BLOCK_BYTES / 128 {
             return Ok(JournalPiece::Damaged);
         }
-        if (HEAD_BYTES + length) as u64 > room {
+        if (head_bytes + length) as u64 > room {
             return Ok(JournalPiece::Short);
         }
         let before = self.credit;
         let Some(credit) = before.checked_sub(length as u64) else { return Ok(JournalPiece::Damaged) };
         self.credit = credit;
-        let body = self.bytes(at + HEAD_BYTES as u64, length)?;
+        let body = self.bytes(at + head_bytes as u64, length)?;
         if body.len() < length {
             return Ok(JournalPiece::Short);
         }
-        if CRC.checksum(&body) != u32::from_le_bytes(checksum) {
+        if self.mark.checksum(&body) != u32::from_le_bytes(checksum) {
             return Ok(JournalPiece::Damaged);
         }
         let entries = unpacked(&body).and_then(|bytes| entries_of(&bytes));
@@ -354,23 +424,29 @@ impl JournalReader {
         }
         Ok(entries.map_or(JournalPiece::Damaged, |entries| JournalPiece::Block {
             entries,
-            length: (HEAD_BYTES + length) as u64,
+            length: (head_bytes + length) as u64,
         }))
     }
 
     /// The next place where a block may begin.
     fn next_magic(&mut self, from: u64, end: u64) -> Result<Option<u64>> {
+        let mark = self.mark.0.clone();
+        self.next_of(&mark, from, end)
+    }
+
+    /// The next place of some bytes.
+    fn next_of(&mut self, wanted: &[u8], from: u64, end: u64) -> Result<Option<u64>> {
         // Most often it is near: between damaged blocks, or in a file full of them.
         let (mut at, mut piece) = (from, FIRST_PIECE_BYTES);
         while at < end {
             let bytes = self.bytes(at, piece)?;
-            if let Some(place) = memchr::memmem::find(&bytes, &MAGIC) {
+            if let Some(place) = memchr::memmem::find(&bytes, wanted) {
                 return Ok(Some(at + place as u64));
             }
             if bytes.len() < piece {
                 return Ok(None);
             }
-            at += (bytes.len() - (MAGIC.len() - 1)) as u64;
+            at += (bytes.len() - (wanted.len() - 1)) as u64;
             piece = (2 * piece).min(MOST_PAYLOAD_BYTES);
         }
         Ok(None)
@@ -432,6 +508,12 @@ mod tests {
         (all, reader.damaged())
     }
 
+    /// A block without the number of its recording.
+    fn of_before(block: &[u8]) -> Vec<u8> {
+        let body = &block[20..];
+        [&OLD_MAGIC[..], &block[12..16], &CRC.checksum(body).to_le_bytes(), body].concat()
+    }
+
     fn blocks() -> impl Strategy<Value = Vec<Vec<Vec<u8>>>> {
         let payload = prop::collection::vec(any::<u8>(), 0..200);
         prop::collection::vec(prop::collection::vec(payload, 1..5), 1..6)
@@ -444,7 +526,7 @@ mod tests {
         let (path, whole) = (folder.path().join("a.journal"), folder.path().join("b.journal"));
         written(&whole, &[vec![b"first".to_vec()], vec![b"last".to_vec()]]);
         let blocks = std::fs::read(&whole).unwrap();
-        let head = [&MAGIC[..], &(1_u32 << 20).to_le_bytes(), &[0; 4]].concat();
+        let head = [&blocks[..12], &(1_u32 << 20).to_le_bytes(), &[0; 4]].concat();
         std::fs::write(&path, [&blocks[..], &head.repeat(300_000), &blocks].concat()).unwrap();
         let mut reader = JournalReader::open(&path).unwrap();
         let mut found = 0;
@@ -455,6 +537,37 @@ mod tests {
         assert_eq!(found, 4);
         // A KiB for each head; without the bounds 300 GB were read.
         assert!(reader.read < 400 * length, "{} bytes read of {length}", reader.read);
+    }
+
+    /// A source whose bytes are a whole block, of another recording or of a journal of before, behind a block that a cut tore: it is none here.
+    #[test]
+    fn a_block_in_the_bytes_of_a_source_is_none() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, other) = (folder.path().join("a.journal"), folder.path().join("b.journal"));
+        written(&other, &[vec![b"forged".to_vec()]]);
+        let forged = std::fs::read(&other).unwrap();
+        let old = of_before(&forged);
+        let ends =
+            written(&path, &[vec![b"first".to_vec()], vec![[&forged[..], &old].concat()], vec![b"last".to_vec()]]);
+        let mut bytes = std::fs::read(&path).unwrap();
+        // The checksum of the second block.
+        bytes[ends[0] as usize + 16] ^= 1;
+        std::fs::write(&path, &bytes).unwrap();
+        assert_eq!(payloads(&path).0, [b"first".to_vec(), b"last".to_vec()]);
+    }
+
+    /// A journal without a number is read and continued as it is.
+    #[test]
+    fn a_journal_of_before_goes_on() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, new) = (folder.path().join("a.journal"), folder.path().join("b.journal"));
+        written(&new, &[vec![b"first".to_vec()]]);
+        std::fs::write(&path, of_before(&std::fs::read(&new).unwrap())).unwrap();
+        let mut writer = JournalWriter::resume(&path).unwrap();
+        writer.push(&entry(1, b"more".to_vec())).unwrap();
+        writer.write().unwrap();
+        assert_eq!(payloads(&path), (vec![b"first".to_vec(), b"more".to_vec()], 0));
+        assert_eq!(memchr::memmem::find_iter(&std::fs::read(&path).unwrap(), &OLD_MAGIC).count(), 2);
     }
 
     proptest! {
@@ -524,7 +637,14 @@ mod tests {
     fn a_full_disk_keeps_what_there_is() {
         let full = Path::new("/dev/full");
         let file = File::options().read(true).append(true).open(full).unwrap();
-        let mut writer = JournalWriter { file, path: full.to_owned(), length: 0, waiting: Vec::new(), is_synced: true };
+        let mut writer = JournalWriter {
+            file,
+            mark: Mark::new().unwrap(),
+            path: full.to_owned(),
+            length: 0,
+            waiting: Vec::new(),
+            is_synced: true,
+        };
         writer.push(&entry(1, b"x".to_vec())).unwrap();
         let error = writer.write().unwrap_err();
         assert!(error.help.contains("--resume"), "{}", error.what);

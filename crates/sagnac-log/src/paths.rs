@@ -1,9 +1,11 @@
 //! A folder or a pattern instead of logs: the files that it means, in natural order (run-2 before run-10).
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
 use crate::error::{Error, Result};
 
+/// What makes a name a pattern.
+const SIGNS: [char; 3] = ['*', '?', '['];
 /// Endings of logs, each also with .gz behind it.
 const ENDINGS: [&str; 6] = ["csv", "tsv", "parquet", "arrow", "feather", "ulg"];
 
@@ -62,9 +64,7 @@ pub fn matches_among(pattern: &str, mut names: Vec<PathBuf>) -> Result<Vec<PathB
     };
     let matcher = glob::Pattern::new(pattern).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
     // As on a file system: a sign stands for a part of one name, and hidden ones are passed over.
-    let options =
-        glob::MatchOptions { case_sensitive: true, require_literal_separator: true, require_literal_leading_dot: true };
-    names.retain(|name| matcher.matches_path_with(name, options));
+    names.retain(|name| matcher.matches_path_with(name, AS_FILES));
     if names.is_empty() {
         return Err(refused("no file matches this pattern".to_owned()));
     }
@@ -74,7 +74,7 @@ pub fn matches_among(pattern: &str, mut names: Vec<PathBuf>) -> Result<Vec<PathB
 
 /// A name with the signs of a pattern that is no file by itself.
 fn is_pattern(path: &Path) -> bool {
-    !path.exists() && path.to_str().is_some_and(|text| text.contains(['*', '?', '[']))
+    !path.exists() && path.to_str().is_some_and(|text| text.contains(SIGNS))
 }
 
 /// A file, or a link to one that is away: that cannot be read, and it is meant all the same.
@@ -114,17 +114,50 @@ fn folder(path: &Path) -> Result<Vec<PathBuf>> {
 }
 
 fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {
-    let text = pattern.to_str().unwrap_or_default();
     let refused = |what: String| {
-        Error::input(what, "give an existing file, or a pattern such as 'run-*.csv' in quotes").file(text)
+        Error::input(what, "give an existing file, or a pattern such as 'run-*.csv' in quotes")
+            .file(pattern.display().to_string())
     };
-    let paths = glob::glob_with(text, AS_FILES).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
-    let mut logs: Vec<PathBuf> = paths.filter_map(std::result::Result::ok).filter(|path| is_file(path)).collect();
-    if logs.is_empty() {
+    let mut found = vec![PathBuf::new()];
+    for part in pattern.components() {
+        found = match part.as_os_str().to_str() {
+            Some("**") => found.iter().flat_map(|folder| with_all_below(folder)).collect(),
+            Some(signs) if matches!(part, Component::Normal(_)) && signs.contains(SIGNS) => {
+                let matcher = glob::Pattern::new(signs).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
+                found.iter().flat_map(|folder| named(folder, &matcher)).collect()
+            }
+            _ => found.into_iter().map(|folder| folder.join(part)).collect(),
+        };
+    }
+    found.retain(|path| is_file(path));
+    if found.is_empty() {
         return Err(refused("no file matches this pattern".to_owned()));
     }
-    in_order(&mut logs);
-    Ok(logs)
+    in_order(&mut found);
+    Ok(found)
+}
+
+/// A folder and all below it, without links and hidden ones.
+fn with_all_below(folder: &Path) -> Vec<PathBuf> {
+    let mut all = vec![folder.to_owned()];
+    let mut at = 0;
+    while let Some(above) = all.get(at).cloned() {
+        let place = if above.as_os_str().is_empty() { Path::new(".") } else { &above };
+        let entries = std::fs::read_dir(place).into_iter().flatten().flatten();
+        let folders = entries.filter(|entry| entry.file_type().is_ok_and(|kind| kind.is_dir()));
+        all.extend(folders.map(|entry| above.join(entry.file_name())).filter(|path| !is_hidden(path)));
+        at += 1;
+    }
+    all
+}
+
+/// What stands in a folder under a name that matches. A folder that cannot be read has nothing; a sign of the pattern also stands for bytes of a
+/// name that are no text.
+fn named(folder: &Path, matcher: &glob::Pattern) -> Vec<PathBuf> {
+    let place = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
+    let entries = std::fs::read_dir(place).into_iter().flatten().flatten();
+    let names = entries.map(|entry| entry.file_name());
+    names.filter(|name| matcher.matches_with(&name.to_string_lossy(), AS_FILES)).map(|name| folder.join(name)).collect()
 }
 
 /// Puts paths into natural order.

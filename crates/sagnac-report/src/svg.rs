@@ -258,7 +258,7 @@ fn legend(figure: &Figure) -> (String, i32) {
             (at, row) = (LEGEND_LEFT, row + LEGEND_ROW);
         }
         let sign = sign(layer, at, row);
-        let escaped = label.replace('&', "&amp;").replace('<', "&lt;");
+        let escaped = xml_text(label);
         let (text, base) = (at + 24.0, row + 4);
         let _ = write!(
             out,
@@ -296,5 +296,34 @@ fn sign(layer: &Layer, at: f64, row: i32) -> String {
                 "<rect x=\"{at}\" y=\"{top}\" width=\"18\" height=\"12\" fill=\"{stroke}\" fill-opacity=\"{opacity}\"/>"
             )
         }
+    }
+}
+
+/// Text in a file of XML. Characters that XML 1.0 has none of are shown as their number (section 2.2).
+fn xml_text(text: &str) -> String {
+    let legal = |c: char| matches!(c, '\t' | '\n' | '\r') || c >= ' ' && !matches!(c, '\u{fffe}' | '\u{ffff}');
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            c if legal(c) => out.push(c),
+            c => {
+                let _ = write!(out, "\\u{{{:x}}}", u32::from(c));
+            }
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// XML 1.0, sections 2.2 and 2.4.
+    #[test]
+    fn any_text_stands_in_a_file() {
+        assert_eq!(xml_text("a<b>&]]>\u{fffe}\u{1b}"), "a&lt;b&gt;&amp;]]&gt;\\u{fffe}\\u{1b}");
     }
 }

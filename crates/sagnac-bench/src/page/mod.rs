@@ -11,6 +11,8 @@
 //! that scripts cannot read. A request under a foreign name (`Host`) is refused, so that a page of the internet cannot look through the browser of
 //! somebody in the lab. **Who may end the recording**: only with the token, and only from the page itself (`Origin`).
 
+mod connections;
+
 use std::convert::Infallible;
 use std::net::{SocketAddr, TcpListener};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -35,6 +37,7 @@ use tokio_stream::wrappers::BroadcastStream;
 use tokio_stream::wrappers::errors::BroadcastStreamRecvError;
 use tokio_stream::{Stream, StreamExt};
 
+use self::connections::BoundedListener;
 use crate::live::{Live, LiveState, Names, Now, Study, TrendPoint, Versions, Warning};
 use crate::record::{SourceState, SourceStatus, Sources, no_thread};
 use crate::source::{ArrivalClock, Stop};
@@ -183,6 +186,7 @@ async fn serve(site: Arc<Site>, listener: TcpListener, ends: Ends) {
         }
     };
     // A client that sends half a request, or never reads, does not keep the bench from ending: what is open then is dropped.
+    let listener = BoundedListener::new(listener);
     drop(tokio::spawn(async move { axum::serve(listener, routes).await }));
     is_over.await;
     tokio::time::sleep(LAST_WORDS).await;

@@ -4,7 +4,8 @@
 //! address ─▶ a thread each ─▶ Arrived { source, time, bytes | connected | lost | ended } ─▶ queue ─▶ recorder
 //! ```
 //!
-//! A source that is lost is connected again, with a pause that grows from 0.2 to 2 s; it leaves a gap, not an end. The queue is bounded: a recorder
+//! A source that is lost is connected again, with a pause that grows from 0.2 to 2 s until a connection holds for longer; it leaves a gap, not an
+//! end. A fault of its thread is a loss like others. The queue is bounded: a recorder
 //! that cannot write holds up TCP, files and pipes, which then wait. A serial port and UDP cannot wait; what the system drops there shows as
 //! missing rows.
 
@@ -17,6 +18,7 @@ pub use address::{Address, Instrument};
 pub(crate) use poll::spawn_poll;
 pub(crate) use stream::spawn_stream;
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::mpsc::SyncSender;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant, SystemTime};
@@ -195,15 +197,20 @@ impl Out {
         let mut pause = FIRST_PAUSE;
         let mut said = String::new();
         while !self.stop.is_stopped() {
-            let why = match session(self) {
+            let begun = Instant::now();
+            let ended = catch_unwind(AssertUnwindSafe(|| session(self)));
+            let why = match ended.unwrap_or_else(|_| SessionEnd::Lost("a fault of this program".to_owned())) {
                 SessionEnd::Stopped => return,
                 SessionEnd::Ended => {
                     self.send(SourceEvent::Ended);
                     return;
                 }
                 SessionEnd::Lost(why) => {
-                    pause = FIRST_PAUSE;
-                    said.clear();
+                    // One that answers wrongly at once is not asked faster than one that is away.
+                    if begun.elapsed() > LONGEST_PAUSE {
+                        pause = FIRST_PAUSE;
+                        said.clear();
+                    }
                     why
                 }
                 SessionEnd::NotConnected(why) => why,

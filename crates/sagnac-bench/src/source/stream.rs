@@ -3,6 +3,7 @@
 use std::fs::{File, Metadata};
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::net::{TcpStream, ToSocketAddrs, UdpSocket};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::thread::JoinHandle;
 use std::time::Duration;
@@ -38,7 +39,15 @@ pub(crate) fn spawn_stream(
         Address::Tcp(address) => out.keep(|out| tcp(&address, out)),
         Address::Udp(address) => out.keep(|out| udp(&address, out)),
         Address::Serial { path, baud } => out.keep(|out| serial(&path, baud, out)),
-        Address::Replay { path, speed } => replay(&path, speed, go_on.place, &setup, &out),
+        // From its beginning, where it was begun again after a fault, its rows would come twice: it ends.
+        Address::Replay { path, speed } => out.keep(|out| {
+            let replayed = catch_unwind(AssertUnwindSafe(|| replay(&path, speed, go_on.place, &setup, out)));
+            if replayed.is_err() {
+                out.send(SourceEvent::Lost("a fault of this program".to_owned()));
+                return SessionEnd::Ended;
+            }
+            SessionEnd::Stopped
+        }),
     })
 }
 

@@ -30,7 +30,7 @@ impl ReportArgs {
 
     /// Checks what will be written next to the other files of the command; refuses what is no page.
     pub(crate) fn check_with(&self, files: Files) -> Result<()> {
-        files.writes(&self.page).makes(&self.figures).check()?;
+        files.writes(&self.page).figures_in(&self.figures).check()?;
         self.page.as_deref().map_or(Ok(()), refuse_other_endings)
     }
 

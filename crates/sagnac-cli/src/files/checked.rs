@@ -3,10 +3,13 @@
 //! One rule, before the work. Files are compared by what they are (device and number), so that a link, another spelling of a path
 //! or a name that the command derives does not get around it. Devices and pipes are not files: they are written to and never replaced.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
 use sagnac::{Error, Result};
 use sagnac_log::write::try_writing;
+
+use crate::files::loading::has_extension;
 
 /// The files of one command.
 #[derive(Default)]
@@ -15,6 +18,7 @@ pub(crate) struct Files {
     writes: Vec<PathBuf>,
     folders: Vec<PathBuf>,
     reads_all_in: Vec<PathBuf>,
+    figures: Vec<PathBuf>,
 }
 
 impl Files {
@@ -46,21 +50,15 @@ impl Files {
         self
     }
 
+    /// A folder that gets figures, whose names are those of a report.
+    pub(crate) fn figures_in(mut self, folder: &Option<PathBuf>) -> Self {
+        self.figures.extend(folder.clone());
+        self.makes(folder)
+    }
+
     /// Refuses an output that is an input, or another output, or that cannot be written.
     pub(crate) fn check(&self) -> Result<()> {
-        let read: Vec<Identity> = self.reads.iter().filter_map(|path| identity(path)).collect();
-        let mut written: Vec<Identity> = Vec::new();
-        for path in &self.writes {
-            let Some(it) = identity(path) else { continue };
-            let refused = |what: &str, help: &str| Err(Error::input(what, help).file(path.display().to_string()));
-            if read.contains(&it) || self.is_in_a_folder_read(path) {
-                return refused("the command reads this file", "write to another file");
-            }
-            if written.contains(&it) {
-                return refused("two outputs have this name", "give each output its own name");
-            }
-            written.push(it);
-        }
+        self.compare()?;
         let in_new_folder = |path: &&PathBuf| {
             let is_new = path.parent().is_some_and(|folder| !folder.exists());
             is_new && self.folders.iter().any(|planned| path.starts_with(planned))
@@ -68,6 +66,37 @@ impl Files {
         self.writes.iter().filter(|path| !in_new_folder(path)).try_for_each(|path| try_writing(path))?;
         self.folders.iter().try_for_each(|folder| try_making(folder))
     }
+
+    /// Refuses an output that is an input, or another output.
+    pub(crate) fn compare(&self) -> Result<()> {
+        let read: HashSet<Identity> = self.reads.iter().filter_map(|path| identity(path)).collect();
+        let mut written: HashSet<Identity> = HashSet::new();
+        for path in &self.writes {
+            let Some(it) = identity(path) else { continue };
+            let refused = |what: &str, help: &str| Err(Error::input(what, help).file(path.display().to_string()));
+            if read.contains(&it) || self.is_in_a_folder_read(path) {
+                return refused("the command reads this file", "write to another file");
+            }
+            if !written.insert(it) {
+                return refused("two outputs have this name", "give each output its own name");
+            }
+        }
+        let among_figures =
+            |path: &&PathBuf| has_extension(path, "svg") && self.figures.iter().any(|at| is_in(path, at));
+        match self.reads.iter().chain(&self.writes).find(among_figures) {
+            None => Ok(()),
+            Some(path) => {
+                Err(Error::input("a figure may get the name of this file", "give the figures a folder of their own")
+                    .file(path.display().to_string()))
+            }
+        }
+    }
+}
+
+/// A file whose folder is this one.
+fn is_in(path: &Path, folder: &Path) -> bool {
+    let own = path.parent().filter(|own| !own.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    own.canonicalize().ok().zip(folder.canonicalize().ok()).is_some_and(|(own, folder)| own == folder)
 }
 
 impl Files {
@@ -93,7 +122,7 @@ fn try_making(folder: &Path) -> Result<()> {
 }
 
 /// What a path means, whatever its spelling.
-#[derive(Debug, PartialEq, Eq)]
+#[derive(Debug, PartialEq, Eq, Hash)]
 enum Identity {
     /// A file that is there: device and number.
     #[cfg(unix)]

@@ -49,7 +49,8 @@ fn watch(path: &Path, length: u64, doing: &'static str) -> Watch {
         bar.0.set_style(style);
     }
     bar.0.set_prefix(doing);
-    bar.0.set_message(path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default());
+    let name = path.file_name().map(|name| name.to_string_lossy().into_owned()).unwrap_or_default();
+    bar.0.set_message(printable(&name).into_owned());
     let mut since: Option<Instant> = None;
     Box::new(move |done| {
         let since = *since.get_or_insert_with(|| {
@@ -80,7 +81,7 @@ pub(crate) fn of_fit() -> Progress {
         if bar.0.is_hidden() && since.elapsed() > PATIENCE {
             bar.0.set_draw_target(ProgressDrawTarget::stderr());
         }
-        bar.0.set_message(doing.what.clone());
+        bar.0.set_message(printable(&doing.what).into_owned());
         bar.0.set_length(doing.of as u64);
         bar.0.set_position(doing.done as u64);
     })

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use sagnac_log::error::{Error, Result};
 use sagnac_log::read::read_text;
+use sagnac_units::format::one_line;
 use serde_json::Value;
 
 use crate::calibration::{Calibration, FORMAT, MINOR_VERSION, VERSION};
@@ -107,6 +108,13 @@ fn within_bounds(value: &Value, place: &str) -> Result<()> {
         )
         .column(place)
         .value(number.to_string())),
+        // It would write a line of its own where it is shown.
+        Value::String(text) if text.contains(['\n', '\r']) => Err(Error::input(
+            "texts of a record have no control characters and no line ends",
+            "copy the file again from its source",
+        )
+        .column(place)
+        .value(one_line(text))),
         Value::Array(all) => {
             all.iter().enumerate().try_for_each(|(at, value)| within_bounds(value, &below(&at.to_string())))
         }

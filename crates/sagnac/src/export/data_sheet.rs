@@ -109,7 +109,7 @@ pub fn data_sheet(calibration: &Calibration, axis: &AxisCalibration, image: &Ima
         d.sequence,
         cell(&calibration.serial),
         char::from(d.axis),
-        calibration.provenance.program
+        cell(&calibration.provenance.program)
     );
     identification(&mut out, calibration, axis, image, &bytes);
     content(&mut out, image, &bytes);

@@ -16,6 +16,7 @@ use super::unit::Answer;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::sha256_of_file;
 use sagnac_log::paths::files_in;
+use sagnac_log::read::read_text;
 use sagnac_log::write::{remove_abandoned, write_bytes, write_together};
 
 /// Folder of the records, of the proofs, and of what is known of each unit.
@@ -24,6 +25,8 @@ const PROOFS: &str = "proofs";
 pub(super) const UNITS: &str = "units";
 /// The table.
 pub const TABLE: &str = "fleet.parquet";
+/// Far more than a result has.
+const MOST_RESULT_BYTES: u64 = 16 << 20;
 /// Held while a program writes into the folder.
 const LOCK: &str = "lock";
 
@@ -58,9 +61,9 @@ impl Results {
     /// What a unit has from before, if its files are as they were written.
     pub fn before(&self, unit: &Unit) -> Option<UnitResult> {
         let files = Files::of(&unit.name, &self.folder);
-        let before: UnitResult = serde_json::from_slice(&fs::read(&files.result).ok()?).ok()?;
+        let before: UnitResult = serde_json::from_str(&result_text(&files.result).ok()?).ok()?;
         let is_whole = |path: &Path, written: &Option<String>| match written {
-            Some(written) => sha256_of_file(path).is_ok_and(|sha256| sha256 == *written),
+            Some(written) => path.is_file() && sha256_of_file(path).is_ok_and(|sha256| sha256 == *written),
             None => !path.exists(),
         };
         let is_whole = is_whole(&files.record, &before.record_sha256) && is_whole(&files.proof, &before.proof_sha256);
@@ -112,6 +115,21 @@ impl Results {
     }
 }
 
+/// The text of a unit's result. What is no file, a device or a pipe, has none.
+fn result_text(path: &Path) -> Result<String> {
+    if !path.is_file() {
+        return Err(Error::input("this is no file", "remove it, and calibrate the fleet again")
+            .file(path.display().to_string()));
+    }
+    read_text(path, "read the result", MOST_RESULT_BYTES)
+}
+
+/// The files that a unit gets in a folder of results.
+pub fn outputs_of(unit: &Unit, folder: &Path) -> [PathBuf; 3] {
+    let files = Files::of(&unit.name, folder);
+    [files.record, files.proof, files.result]
+}
+
 /// What is known of every unit of a folder, in the natural order of their names.
 ///
 /// # Errors
@@ -127,12 +145,12 @@ pub fn results_in(folder: &Path) -> Result<Vec<UnitResult>> {
     }
     let is_result = |path: &Path| path.extension().is_some_and(|ending| ending == "json");
     let read = |path: PathBuf| -> Result<UnitResult> {
-        let text = fs::read(&path).map_err(|e| Error::io_path(&path, "read", &e))?;
+        let text = result_text(&path)?;
         let broken = |what: String| {
             Error::input(what, "remove the file, and calibrate the fleet again").file(path.display().to_string())
         };
         let result: UnitResult =
-            serde_json::from_slice(&text).map_err(|e| broken(format!("not the result of a unit: {e}")))?;
+            serde_json::from_str(&text).map_err(|e| broken(format!("not the result of a unit: {e}")))?;
         if result.version != VERSION {
             return Err(broken(format!("the result has version {}, and this program has {}", result.version, VERSION)));
         }

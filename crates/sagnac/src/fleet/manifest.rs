@@ -10,7 +10,6 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::ffi::OsStr;
-use std::io::BufRead;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -18,6 +17,8 @@ use serde::{Deserialize, Serialize};
 use super::pattern::{self, MatchedLog, Use};
 use sagnac_log::error::{Error, Result};
 use sagnac_log::paths::{folders_in, in_order, logs_among, logs_of, matches_among};
+use sagnac_log::read::read_text;
+use sagnac_units::format::{controls, one_line};
 
 /// Setup of a unit in its own folder.
 const OWN_SETUP: &str = "bench.toml";
@@ -25,6 +26,8 @@ const OWN_SETUP: &str = "bench.toml";
 const OWN_RETESTS: &str = "retest";
 /// Longest name of a unit: it names files, and stands in an image.
 const MOST_LETTERS: usize = 32;
+/// A million lines.
+const MOST_MANIFEST_BYTES: u64 = 256 << 20;
 /// Columns of a manifest.
 const COLUMNS: [&str; 6] = ["unit", "run", "lot", "rig", "use", "setup"];
 
@@ -165,11 +168,9 @@ pub fn units_in_manifest(path: &Path, folder: &Path) -> Result<Vec<Unit>> {
         )
         .file(&name)
     };
-    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "read", &e))?;
-    let mut file = std::io::BufReader::new(file);
-    let start = file.fill_buf().map_err(|e| Error::io_path(path, "read", &e))?;
-    let delimiter = delimiter_of(start);
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).delimiter(delimiter).from_reader(file);
+    let text = read_text(path, "read the manifest", MOST_MANIFEST_BYTES)?;
+    let delimiter = delimiter_of(text.as_bytes());
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).delimiter(delimiter).from_reader(text.as_bytes());
     let headers = reader.headers().map_err(broken)?.clone();
     let known = format!("use these columns, `unit` and `run` always: {}", COLUMNS.join(", "));
     if let Some(odd) = headers.iter().find(|header| !COLUMNS.contains(header)) {
@@ -186,6 +187,10 @@ pub fn units_in_manifest(path: &Path, folder: &Path) -> Result<Vec<Unit>> {
         let line = record.position().map_or(0, csv::Position::line);
         let [unit, run, lot, rig, of, setup] = columns.map(|at| at.and_then(|at| record.get(at)).unwrap_or_default());
         let here = |e: Error| e.file(&name).line(line);
+        if let Some((_, odd)) = [("lot", lot), ("rig", rig)].iter().find(|(_, text)| text.contains(controls)) {
+            let what = "the name has a control character or a line end";
+            return Err(here(Error::input(what, "write it with letters, digits and signs").value(one_line(odd))));
+        }
         if run.is_empty() {
             return Err(here(
                 Error::input("the line names no run", "write the log's path in the column `run`").column("run"),

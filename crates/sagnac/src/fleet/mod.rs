@@ -33,7 +33,7 @@ use std::sync::{Mutex, PoisonError};
 
 pub use common_basis::{COMMON_TEMPERATURES_C, CommonBasis};
 pub use control::{ControlChart, Rule};
-pub use folder::{Results, TABLE, check_output, parts_of, results_in};
+pub use folder::{Results, TABLE, check_output, outputs_of, parts_of, results_in};
 pub use manifest::{Unit, units_among, units_in_manifest, units_of};
 pub use prior::{ExactSum, LotMean, LotSums, NotUsed, Population, Prior, PriorFile};
 pub use quality::{Capability, Odd, Quality, Quantity, RigEffect, Yield};

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 use sagnac::Error;
-use sagnac::fleet::{self, Done, FleetWork, InOrder, PriorFile, Recipe, TABLE, units_of};
+use sagnac::fleet::{self, Done, FleetWork, InOrder, PriorFile, Recipe, TABLE, outputs_of, units_of};
 use sagnac::verify::Limits;
 use sagnac_log::setup::Setup;
 
@@ -64,6 +64,11 @@ impl Verb for Args {
         Files::new().reads(&self.setup.setup).reads(&self.prior).check()?;
         fleet::check_output(&self.output, &self.source)?;
         let units = units_of(&self.source)?;
+        let logs = units.iter().flat_map(|unit| unit.runs.iter().chain(&unit.retests).chain(&unit.setup));
+        let inputs = Files::new().reads([&self.source]).reads(&self.setup.setup).reads(&self.prior).reads(logs);
+        inputs
+            .writes(units.iter().flat_map(|unit| outputs_of(unit, &self.output)).chain([self.output.join(TABLE)]))
+            .compare()?;
         let setup = self.setup.over(Setup::default())?;
         if setup.serial.is_some() {
             return Err(Error::input(
