@@ -4,8 +4,8 @@
  *   check_board FILE     0 if every frame and every actuator code is as the records say
  *
  * A table of the loops (512 octets), then records, little-endian:
- *   B   a board at power-on: origin (1), trial (1), strips (1), longest (2), least swing (4), watches (1), shows (4), still (4),
- *       command (4), heats (1), length (2), image
+ *   B   a board that begins: strips (1), longest (2), least swing (4), watches (1), shows (4), still (4),
+ *       command (4), heats (1), origin, trial, length and image as below, after a reset (1), seconds since power-on (4), ticks of a frame (2)
  *   U   another image between two ticks: origin (1), trial (1), length (2), image (none for the factory defaults of the last)
  *   R   the same as U, after an upset of the image
  *   M   ticks that were missed (4)
@@ -92,7 +92,9 @@ static int new_board(FILE *file)
     }
     {
         const sagnac_cause cause = (word(file, 1) != 0U) ? SAGNAC_RESET : SAGNAC_POWER_ON;
-        sagnac_board_start(&board, &loaded, &setup, cause, word(file, 4));
+        const uint32_t since_power_on_s = word(file, 4);
+        setup.frame_ticks = word(file, 2);
+        sagnac_board_start(&board, &loaded, &setup, cause, since_power_on_s);
     }
     sagnac_quadrature_start(&counter);
     (void)sagnac_quadrature_update(&counter, SAGNAC_X4, 0U, 0U);
@@ -210,7 +212,7 @@ static unsigned long own_upsets(void)
 #define OWN(field) {offsetof(sagnac_board, field), sizeof board.field}
         OWN(setup.path),   OWN(setup.light),      OWN(setup.strips),        OWN(setup.longest),
         OWN(setup.watches), OWN(setup.heats),     OWN(setup.watch_spec),    OWN(setup.least_swing),
-        OWN(trial),         OWN(stripper.longest), OWN(stripper.least_swing), OWN(image_sum),
+        OWN(setup.frame_ticks), OWN(trial), OWN(stripper.longest), OWN(stripper.least_swing), OWN(image_sum),
 #undef OWN
     };
     unsigned long wrong = 0;

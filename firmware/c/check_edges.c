@@ -363,9 +363,12 @@ static void frames(void)
     uint32_t length, i;
     static const uint32_t begun[6] = {83U, 71U, 0x20U, 60U, 1U, 2U};
     frame.kind = SAGNAC_KIND_ROLL_BACK;
+    frame.axis = 0U;
     frame.length = 0U;
     length = sagnac_frame_octets(&frame, octets);
     EXPECT(length == 8U);
+    EXPECT(sagnac_axis_code('x') == 1U && sagnac_axis_code('Y') == 2U && sagnac_axis_code('z') == 3U);
+    EXPECT(sagnac_axis_code('w') == 0U && sagnac_axis_code('{') == 0U && sagnac_axis_code(24U) == 0U);
     /* A head that promises 60 octets, then silence, then a whole frame. */
     sagnac_frame_start(&reader);
     for (i = 0U; i < 6U; i++) {
@@ -603,6 +606,7 @@ static uint32_t answer_to(sagnac_upload *upload, uint32_t kind, uint32_t length,
     sagnac_handled handled;
     memset(frame.payload, 0, sizeof frame.payload);
     frame.kind = kind;
+    frame.axis = 0U;
     frame.length = length;
     frame.payload[0] = (sagnac_octet)octet;
     sagnac_upload_handle(upload, &frame, &banks, &gyro, &loaded, &handled);
@@ -652,7 +656,7 @@ static void trust_and_upload(void)
     EXPECT(challenge[0] == 0U && challenge[SAGNAC_CHALLENGE - 1U] == 0U);
     EXPECT(sagnac_trust_check(&trust, none, 0U, message, &trusted) == SAGNAC_TRUSTED && trusted.image_length == 0U);
     sagnac_upload_start(&upload, &trust);
-    memset(frame.payload, 0, sizeof frame.payload);
+    memset(&frame, 0, sizeof frame);
 #define NOT_HANDLED(of, octets) \
     (frame.kind = (of), frame.length = (octets), sagnac_upload_handle(&upload, &frame, &banks, &gyro, &loaded, &handled), \
      EXPECT(handled.handled == SAGNAC_NO))
@@ -689,6 +693,20 @@ static void trust_and_upload(void)
     signed_too_long(&trust);
 }
 
+/* A hold of more updates than a number holds. */
+static void bound_of_a_long_hold(void)
+{
+    sagnac_error_bound bound = {UINT32_MAX, 0U};
+    plain_image(1U);
+    sagnac_compensator_start(&state);
+    state.slow_status = SAGNAC_HELD;
+    sagnac_error_bound_update(&bound, &image, &state);
+    EXPECT(bound.held_updates == UINT32_MAX && bound.milli_dph >= 100U);
+    state.slow_status = 0U;
+    sagnac_error_bound_update(&bound, &image, &state);
+    EXPECT(bound.held_updates == 0U);
+}
+
 static void board_counts(void)
 {
     static sagnac_board board;
@@ -703,6 +721,7 @@ static void board_counts(void)
     loaded.image = image;
     setup.path = &path;
     setup.light = &light;
+    setup.frame_ticks = SAGNAC_FRAME_TICKS;
     sagnac_board_start(&board, &loaded, &setup, SAGNAC_POWER_ON, 0U);
     /* A counter that gives more than a call accepts: the excess is lost, and said. */
     for (tick = 0U; tick < SAGNAC_FRAME_TICKS - 1U; tick++) {
@@ -881,6 +900,7 @@ int main(int argc, char **argv)
     flash_that_fails();
     images_that_must_stay();
     trust_and_upload();
+    bound_of_a_long_hold();
     board_counts();
     loops();
     crosstalk();

@@ -268,6 +268,7 @@ static void power_on(const settings *with)
     setup.strips = with->dither_counts > 0U ? SAGNAC_YES : SAGNAC_NO;
     setup.longest = LONGEST;
     setup.least_swing = LEAST_SWING;
+    setup.frame_ticks = SAGNAC_FRAME_TICKS;
     sagnac_banks_start(&banks, &gyro, 0U, &loaded);
     sagnac_board_start(&board, &loaded, &setup, SAGNAC_POWER_ON, 0U);
     sagnac_quadrature_start(&counter);
@@ -296,14 +297,15 @@ static void new_settings(const sagnac_frame *frame)
 /* 0 at the end of the run. */
 static int handle(const sagnac_frame *frame)
 {
-    if (frame->kind == 0x10U && frame->length == 31U) {
+    const uint32_t is_for = sagnac_frame_is_for(frame, gyro.axis);
+    if (is_for != 0U && frame->kind == 0x10U && frame->length == 31U) {
         new_settings(frame);
-    } else if (frame->kind == 0x11U && frame->length == 25U) {
+    } else if (is_for != 0U && frame->kind == 0x11U && frame->length == 25U) {
         start_row(frame);
         while (rig.ticks_left > 0U) {
             tick();
         }
-    } else if (frame->kind == 0x30U && frame->length == 0U) {
+    } else if (is_for != 0U && frame->kind == 0x30U && frame->length == 0U) {
         return 0;
     } else {
         sagnac_upload_handle(&upload, frame, &banks, &gyro, &loaded, &handled);

@@ -4,7 +4,9 @@
 #include "sagnac_integer.h"
 #include "sagnac_upload.h"
 
-#define OUTPUT_PAYLOAD 33U
+#define OUTPUT_PAYLOAD 51U
+/* 1e-15 arcsec of the unit of a frame's angle. */
+#define NANO_FEMTO ((int64_t)1000000)
 
 /* What the source of an image adds to the status of every tick. */
 static uint32_t board_origin_status(sagnac_origin origin)
@@ -30,8 +32,10 @@ static void board_take_image(sagnac_board *board, const sagnac_loaded *loaded)
 }
 
 /* Sums and bits of the next frame; number, tick and the last codes go on. */
-static void board_begin_frame(sagnac_output_frame *frame)
+static void board_begin_frame(sagnac_board *board)
 {
+    sagnac_output_frame *frame = &board->frame;
+    frame->error_milli_dph = board->error.milli_dph;
     frame->counts = 0U;
     frame->raw = 0U;
     frame->status = 0U;
@@ -107,13 +111,16 @@ void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const 
         sagnac_compensator_start_after(&board->image, &board->state, updates_in(&board->image, since_power_on_s));
     }
     board->lost_steps = 0U;
+    sagnac_error_bound_start(&board->error);
+    board->error_is_due = SAGNAC_NO;
+    board->angle_rest = 0;
     board->frame.number = 0U;
     board->frame.tick = 0U;
     board->frame.actuator = 0;
     board->frame.current = 0;
     board->frame.has_temperature = SAGNAC_NO;
     board->frame.temperature = 0;
-    board_begin_frame(&board->frame);
+    board_begin_frame(board);
     board_seal(board);
 }
 
@@ -149,7 +156,8 @@ static uint32_t board_has(const sagnac_board *board, const sagnac_board_setup *s
         (own->longest != setup->longest) || (own->least_swing != setup->least_swing)) {
         has = SAGNAC_NO;
     }
-    if ((own->watches != setup->watches) || (own->heats != setup->heats) || (own->watch_spec.shows != setup->watch_spec.shows) ||
+    if ((own->watches != setup->watches) || (own->heats != setup->heats) || (own->frame_ticks != setup->frame_ticks) ||
+        (own->watch_spec.shows != setup->watch_spec.shows) ||
         (own->watch_spec.still != setup->watch_spec.still) ||
         (own->watch_spec.command_shows != setup->watch_spec.command_shows)) {
         has = SAGNAC_NO;
@@ -251,6 +259,7 @@ static void board_slow_update(sagnac_board *board, const sagnac_sample *sample)
         (void)sagnac_compensator_update(&board->image, &board->state, codes, present);
     }
     board_seal(board);
+    board->error_is_due = SAGNAC_YES;
     board->frame.has_temperature = present & 1U;
     board->frame.temperature = (board->frame.has_temperature != 0U) ? codes[0] : 0;
     if (board->setup.watches != 0U) {
@@ -259,6 +268,38 @@ static void board_slow_update(sagnac_board *board, const sagnac_sample *sample)
         board->still = sagnac_watch_update(&board->setup.watch_spec, &board->watch, values, are_present, board->setup.heats,
                                            board->path_state.held);
     }
+}
+
+/* The bound of the last slow update, in the tick after it: no tick has both. */
+static void board_bound_error(sagnac_board *board)
+{
+    if (board->error_is_due != 0U) {
+        board->error_is_due = SAGNAC_NO;
+        sagnac_error_bound_update(&board->error, &board->image, &board->state);
+        if (board->error.milli_dph > board->frame.error_milli_dph) {
+            board->frame.error_milli_dph = board->error.milli_dph;
+        }
+    }
+}
+
+/* The angle of the frame's counts, 1e-9 arcsec; what is less than that goes to the next frame. */
+static int64_t board_angle(sagnac_board *board)
+{
+    const uint64_t nano = board->image.scale_factor_femto_arcsec / (uint64_t)NANO_FEMTO;
+    const uint64_t femto = board->image.scale_factor_femto_arcsec % (uint64_t)NANO_FEMTO;
+    const int64_t whole = (int64_t)nano;
+    const int64_t part = (int64_t)femto;
+    /* Thousands of turns in a frame: beyond them the angle stays at its largest value. */
+    const int64_t most = (INT64_MAX / 2) / (whole + 1);
+    const int64_t counts = sagnac_held((int64_t)(int32_t)board->frame.counts, -most, most);
+    const int64_t rest = (counts * part) + board->angle_rest;
+    int64_t units = rest / NANO_FEMTO;
+    board->angle_rest = rest % NANO_FEMTO;
+    if (board->angle_rest < 0) {
+        board->angle_rest += NANO_FEMTO;
+        units--;
+    }
+    return (counts * whole) + units;
 }
 
 /* The counts of this tick for the correction: without stripping all of them, with it those of a period that ends. */
@@ -316,11 +357,19 @@ static void board_loops(sagnac_board *board, int32_t light, sagnac_actuators *ac
     actuators->current = lit.current;
 }
 
+static uint32_t board_frame_ticks(const sagnac_board *board)
+{
+    return (board->setup.frame_ticks > 0U) ? (board->setup.frame_ticks & 0xFFFFU) : 1U;
+}
+
 /* The payload of docs/reference/serial-line.md. */
-static void board_compose(const sagnac_board *board, sagnac_frame *frame)
+static void board_compose(sagnac_board *board, sagnac_frame *frame)
 {
     const sagnac_output_frame *from = &board->frame;
+    const uint64_t angle = (uint64_t)board_angle(board);
+    const uint32_t open_ended = sagnac_status_is_open_ended(from->status);
     sagnac_octet *payload = frame->payload;
+    frame->axis = sagnac_axis_code(board->image.axis);
     frame->kind = SAGNAC_KIND_OUTPUT;
     frame->length = OUTPUT_PAYLOAD;
     sagnac_write_u16(payload, 0U, from->number);
@@ -335,6 +384,11 @@ static void board_compose(const sagnac_board *board, sagnac_frame *frame)
     sagnac_write_u32(payload, 26U, (uint32_t)from->temperature);
     sagnac_write_u16(payload, 30U, board->lost_steps);
     payload[32] = (sagnac_octet)(from->has_temperature | (sagnac_image_code(board->origin, board->trial) << 1));
+    sagnac_write_u32(payload, 33U, (uint32_t)(angle & 0xFFFFFFFFU));
+    sagnac_write_u32(payload, 37U, (uint32_t)(angle >> 32U));
+    sagnac_write_u32(payload, 41U, (open_ended != 0U) ? SAGNAC_UNBOUNDED : from->error_milli_dph);
+    sagnac_write_u16(payload, 45U, board_frame_ticks(board));
+    sagnac_write_u32(payload, 47U, board->image.tick_ns);
 }
 
 void sagnac_board_make_up(sagnac_board *board, uint32_t missed_ticks)
@@ -362,6 +416,7 @@ void sagnac_board_make_up(sagnac_board *board, uint32_t missed_ticks)
             uint32_t ticks;
             if (board->state.ticks_to_update == 0U) {
                 board_slow_update(board, &none);
+                board_bound_error(board);
             }
             ticks = (rest < board->state.ticks_to_update) ? rest : board->state.ticks_to_update;
             /* No misuse is possible: no counts, and no tick past a slow update. */
@@ -381,6 +436,7 @@ uint32_t sagnac_board_tick(sagnac_board *board, int32_t counts, uint32_t lost_st
     uint32_t ends = SAGNAC_NO;
     board_check_state(board);
     board_make_slices(board, sample);
+    board_bound_error(board);
     if (board->state.ticks_to_update == 0U) {
         board_slow_update(board, sample);
     }
@@ -388,10 +444,10 @@ uint32_t sagnac_board_tick(sagnac_board *board, int32_t counts, uint32_t lost_st
     board_loops(board, sample->light, actuators);
     board->frame.tick = (board->frame.tick + 1U) & 0xFFFFFFFFU;
     board->frame.ticks++;
-    if (board->frame.ticks >= SAGNAC_FRAME_TICKS) {
+    if (board->frame.ticks >= board_frame_ticks(board)) {
         board_compose(board, frame);
         board->frame.number = (board->frame.number + 1U) & 0xFFFFU;
-        board_begin_frame(&board->frame);
+        board_begin_frame(board);
         ends = SAGNAC_YES;
     }
     return ends;

@@ -28,6 +28,7 @@
 
 #include "sagnac_banks.h"
 #include "sagnac_compensator.h"
+#include "sagnac_error_bound.h"
 #include "sagnac_frame.h"
 #include "sagnac_intensity.h"
 #include "sagnac_path_length.h"
@@ -39,7 +40,7 @@
 extern "C" {
 #endif
 
-/* Ticks of an output frame: 10 ms at 100 us. */
+/* Usual ticks of an output frame: 10 ms at 100 us. */
 #define SAGNAC_FRAME_TICKS 100U
 /* Longest pause that is made up, ticks: 105 s at 100 us. */
 #define SAGNAC_LONGEST_PAUSE_TICKS 1048576U
@@ -74,6 +75,7 @@ typedef struct {
     uint32_t has_temperature;
     int32_t temperature;
     uint32_t ticks;
+    uint32_t error_milli_dph;
 } sagnac_output_frame;
 
 /* What a board is built with. Keep it in flash: sagnac_board_is_intact compares the board with it. */
@@ -86,6 +88,7 @@ typedef struct {
     uint32_t watches; /* the image's thermometers are watched (sagnac_watch.h), in 2^-24 degC */
     sagnac_watch_spec watch_spec;
     uint32_t heats; /* the path-length actuator is a heater */
+    uint32_t frame_ticks; /* of an output frame, at most 65,535; usually SAGNAC_FRAME_TICKS; 0 as 1 */
 } sagnac_board_setup;
 
 /* The board of one axis; keep it in static memory. Read it freely; change it only through the functions. */
@@ -104,6 +107,9 @@ typedef struct {
     sagnac_watch watch;
     uint32_t still; /* bit i: the image's input i stands still */
     uint32_t lost_steps;
+    sagnac_error_bound error;
+    uint32_t error_is_due; /* a slow update has come, and its bound has not been computed */
+    int64_t angle_rest;    /* 1e-15 arcsec below the unit of the last frame's angle */
     uint32_t image_sum; /* what sagnac_image_sum, exclusive or sagnac_image_code, must still be */
     uint32_t state_sum; /* what sagnac_state_sum must still be at the next slow update */
     uint32_t update_at; /* number of the tick before which that is due */
@@ -140,7 +146,7 @@ void sagnac_board_mend(sagnac_board *board, const sagnac_loaded *loaded, const s
 void sagnac_board_make_up(sagnac_board *board, uint32_t missed_ticks);
 
 /* One tick. `lost_steps` is the counter's total of steps of unknown direction, 0 for hardware that has none. SAGNAC_YES with a frame to
- * send in every SAGNAC_FRAME_TICKS-th tick. */
+ * send in every frame_ticks-th tick. */
 uint32_t sagnac_board_tick(sagnac_board *board, int32_t counts, uint32_t lost_steps, const sagnac_sample *sample,
                            sagnac_actuators *actuators, sagnac_frame *frame);
 

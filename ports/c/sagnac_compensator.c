@@ -180,14 +180,15 @@ static uint32_t distance(int32_t a, int32_t b)
 }
 
 /* How far from an older value a value may lie after some updates without one. */
-static uint64_t reach(const sagnac_input *spec, uint32_t updates)
+uint32_t sagnac_input_reach(const sagnac_input *spec, uint32_t updates)
 {
     const uint32_t most = (updates < MOST_GROWTH) ? updates : MOST_GROWTH;
     uint64_t grown = 0U;
     if (spec->step_growth > 0U) {
         grown = ((uint64_t)most * (uint64_t)spec->largest_step_q8) << spec->step_growth;
     }
-    return ((uint64_t)spec->largest_step_q8 * (uint64_t)65536U) + grown;
+    grown += (uint64_t)spec->largest_step_q8 * (uint64_t)65536U;
+    return (grown < (uint64_t)UINT32_MAX) ? (uint32_t)grown : UINT32_MAX;
 }
 
 /* A value that jumped from the last one is nearer to the one before the open step, and within reach of it. */
@@ -195,7 +196,7 @@ static uint32_t has_returned(const sagnac_input *spec, const sagnac_input_state 
 {
     const uint32_t from_before = distance(t_q24, memory->before_q24);
     return ((memory->open_updates > 0U) && (from_before < distance(t_q24, memory->last_q24)) &&
-            ((uint64_t)from_before <= reach(spec, memory->open_updates)))
+            (from_before <= sagnac_input_reach(spec, memory->open_updates)))
                ? SAGNAC_YES
                : SAGNAC_NO;
 }
@@ -225,7 +226,7 @@ static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory
     const uint32_t unread = (memory->held_updates > rejected) ? (memory->held_updates - rejected) : 0U;
     const uint32_t moved = distance(t_q24, memory->last_q24);
     uint32_t accepted = 0U;
-    if ((largest == 0U) || (memory->has_last == 0U) || ((uint64_t)moved <= reach(spec, unread))) {
+    if ((largest == 0U) || (memory->has_last == 0U) || (moved <= sagnac_input_reach(spec, unread))) {
         if ((largest != 0U) && (memory->has_last != 0U) && (moved > largest) && (has_returned(spec, memory, t_q24) != 0U)) {
             memory->open_updates = 0U;
         }
@@ -354,7 +355,7 @@ static uint32_t is_settling(const sagnac_input *spec, const sagnac_input_state *
 }
 
 /* Nothing shows yet that the first value was right, or a step is open. */
-static uint32_t is_open(const sagnac_input *spec, const sagnac_input_state *memory)
+uint32_t sagnac_input_is_open(const sagnac_input *spec, const sagnac_input_state *memory)
 {
     uint32_t open = 0U;
     if (spec->step_growth > 0U) {
@@ -410,7 +411,7 @@ static void input_slice(const sagnac_image *image, sagnac_slow_update *update, u
     if (scaled->y_clamped != 0U) {
         update->status |= SAGNAC_RATE_OUT_OF_SPAN;
     }
-    if ((is_open(spec, memory) != 0U) || (is_settling(spec, memory) != 0U)) {
+    if ((sagnac_input_is_open(spec, memory) != 0U) || (is_settling(spec, memory) != 0U)) {
         update->status |= SAGNAC_SETTLING;
     }
     gyro_chebyshev(scaled->x_q47, update->basis[i]);

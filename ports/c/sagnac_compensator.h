@@ -245,6 +245,12 @@ int64_t sagnac_image_increment_bound(const sagnac_image *image);
 /* The value of a code, 2^-24 degC: SAGNAC_YES, or SAGNAC_NO outside the valid range of the input. */
 uint32_t sagnac_input_value(const sagnac_input *spec, int32_t code, int32_t *t_q24);
 
+/* How far from an older value a value may lie after some updates without one, 2^-24 degC. */
+uint32_t sagnac_input_reach(const sagnac_input *spec, uint32_t updates);
+
+/* SAGNAC_YES while nothing shows that the first value was right, or a step is open. */
+uint32_t sagnac_input_is_open(const sagnac_input *spec, const sagnac_input_state *memory);
+
 /* An image without inputs and terms, which passes counts through. */
 void sagnac_image_empty(sagnac_image *image);
 

@@ -3,12 +3,29 @@
 
 #define FRAME_HEAD 4U
 #define FRAME_CRC 4U
+/* The upper two bits of the kind are the axis. */
+#define MOST_KIND 63U
+#define AXIS_SHIFT 6U
+/* The letter x; y and z follow it. Bit 5 makes a letter small. */
+#define LETTER_X 120U
+#define SMALL 32U
 /* SG */
 #define SYNC_FIRST 83U
 #define SYNC_SECOND 71U
 
 /* What the held octets begin. */
 typedef enum { FRAME_WHOLE = 0, FRAME_MORE_NEEDED = 1, FRAME_NOT_HERE = 2 } frame_start;
+
+uint32_t sagnac_axis_code(uint32_t letter)
+{
+    const uint32_t small = letter | SMALL;
+    return ((letter > SMALL) && (small >= LETTER_X) && (small <= (LETTER_X + 2U))) ? ((small - LETTER_X) + 1U) : 0U;
+}
+
+uint32_t sagnac_frame_is_for(const sagnac_frame *frame, uint32_t letter)
+{
+    return ((frame->axis == 0U) || (frame->axis == sagnac_axis_code(letter))) ? SAGNAC_YES : SAGNAC_NO;
+}
 
 uint32_t sagnac_frame_octets(const sagnac_frame *frame, sagnac_octet octets[SAGNAC_MAX_FRAME])
 {
@@ -19,7 +36,7 @@ uint32_t sagnac_frame_octets(const sagnac_frame *frame, sagnac_octet octets[SAGN
     }
     octets[0] = SYNC_FIRST;
     octets[1] = SYNC_SECOND;
-    octets[2] = (sagnac_octet)(frame->kind & 0xFFU);
+    octets[2] = (sagnac_octet)((frame->kind & MOST_KIND) | ((frame->axis & 3U) << AXIS_SHIFT));
     octets[3] = (sagnac_octet)length;
     for (i = 0U; i < length; i++) {
         octets[FRAME_HEAD + i] = frame->payload[i];
@@ -62,7 +79,8 @@ static frame_start frame_parse(const sagnac_frame_reader *reader, sagnac_frame *
     } else if ((reader->length >= FRAME_HEAD) && (reader->length >= (FRAME_HEAD + (uint32_t)held[3] + FRAME_CRC))) {
         const uint32_t length = held[3];
         uint32_t i;
-        frame->kind = held[2];
+        frame->kind = (uint32_t)held[2] & MOST_KIND;
+        frame->axis = (uint32_t)held[2] >> AXIS_SHIFT;
         frame->length = length;
         for (i = 0U; i < length; i++) {
             frame->payload[i] = held[FRAME_HEAD + i];

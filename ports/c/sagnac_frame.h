@@ -4,7 +4,7 @@
  *   0     2      3      4                4 + n       + 4
  *   | SG  | kind | n    | payload        | CRC-32    |     n at most 64, little-endian; docs/reference/serial-line.md
  *
- * The checksum covers kind, length and payload. Where the octets are no frame the reader skips one and looks for the next SG, so that
+ * The upper two bits of the kind are the axis. The checksum covers kind, length and payload. Where the octets are no frame the reader skips one and looks for the next SG, so that
  * lost or added octets cost only the frames that they hit. Only the checksum detects a damaged frame: one in 2^32 passes by chance.
  */
 #ifndef SAGNAC_FRAME_H
@@ -37,6 +37,7 @@ extern "C" {
 
 typedef struct {
     uint32_t kind;
+    uint32_t axis; /* that it comes from or goes to: 1, 2, 3 for x, y, z; 0 for another one, or for every gyro of the line */
     uint32_t length;
     sagnac_octet payload[SAGNAC_MAX_PAYLOAD];
 } sagnac_frame;
@@ -47,6 +48,12 @@ typedef struct {
     uint32_t length;
     uint32_t skipped; /* octets that belonged to no frame; stays at its largest value */
 } sagnac_frame_reader;
+
+/* The axis of a frame from its letter. */
+uint32_t sagnac_axis_code(uint32_t letter);
+
+/* SAGNAC_YES for a frame that a gyro of this axis reads. */
+uint32_t sagnac_frame_is_for(const sagnac_frame *frame, uint32_t letter);
 
 /* The octets of a frame; how many. */
 uint32_t sagnac_frame_octets(const sagnac_frame *frame, sagnac_octet octets[SAGNAC_MAX_FRAME]);

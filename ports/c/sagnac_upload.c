@@ -27,6 +27,7 @@ uint32_t sagnac_image_code(sagnac_origin origin, uint32_t trial)
 void sagnac_reply(uint32_t to, sagnac_reply_code code, const sagnac_loaded *loaded, sagnac_frame *frame)
 {
     frame->kind = SAGNAC_KIND_REPLY;
+    frame->axis = sagnac_axis_code(loaded->image.axis);
     frame->length = REPLY_PAYLOAD;
     frame->payload[0] = (sagnac_octet)(to & 0xFFU);
     frame->payload[1] = (sagnac_octet)code;
@@ -229,7 +230,7 @@ static sagnac_reply_code upload_change(sagnac_upload *upload, const sagnac_frame
     return code;
 }
 
-static void upload_challenge(sagnac_upload *upload, uint32_t change, sagnac_frame *answer)
+static void upload_challenge(sagnac_upload *upload, uint32_t change, uint32_t letter, sagnac_frame *answer)
 {
     uint32_t i;
     upload->service_change = change;
@@ -237,6 +238,7 @@ static void upload_challenge(sagnac_upload *upload, uint32_t change, sagnac_fram
     upload->trust->challenge(upload->trust->context, upload->challenge);
     upload->service = SAGNAC_SERVICE_ASKED;
     answer->kind = SAGNAC_KIND_CHALLENGE;
+    answer->axis = sagnac_axis_code(letter);
     answer->length = SAGNAC_CHALLENGE;
     for (i = 0U; i < SAGNAC_CHALLENGE; i++) {
         answer->payload[i] = upload->challenge[i];
@@ -246,12 +248,12 @@ static void upload_challenge(sagnac_upload *upload, uint32_t change, sagnac_fram
 void sagnac_upload_handle(sagnac_upload *upload, const sagnac_frame *frame, sagnac_banks *banks, const sagnac_gyro *gyro,
                           sagnac_loaded *loaded, sagnac_handled *handled)
 {
-    handled->handled = upload_knows(frame);
+    handled->handled = (sagnac_frame_is_for(frame, gyro->axis) != 0U) ? upload_knows(frame) : SAGNAC_NO;
     handled->changed = SAGNAC_NO;
     if (handled->handled == 0U) {
         /* A frame for somebody else. */
     } else if ((frame->kind == SAGNAC_KIND_SERVICE) && (upload->trust->has_key != 0U)) {
-        upload_challenge(upload, (uint32_t)frame->payload[0], &handled->answer);
+        upload_challenge(upload, (uint32_t)frame->payload[0], gyro->axis, &handled->answer);
     } else {
         sagnac_reply_code code = SAGNAC_REPLY_DONE;
         if (frame->kind == SAGNAC_KIND_ANSWER) {

@@ -4,7 +4,7 @@
 //! always            sagnac_compensator, sagnac_integer, sagnac_unit, sagnac_rates (°/s), sagnac_unit_check, README
 //! board             order of a tick, dither, watches, upsets        loops   path length, intensity
 //! banks             flash banks, signatures                         line    frames, uploads
-//! all four          the Makefile, the reference vectors and their check too
+//! all four          the Makefile, the reference vectors and their check too; with the loops, an example of a board
 //! ```
 //!
 //! A part brings the modules that its headers include. The code needs only `<stdint.h>`, no 8-bit type and no allocation.
@@ -28,10 +28,11 @@ macro_rules! modules {
 }
 
 /// In the order of their layers: each includes only those before it.
-const MODULES: [(&str, &str); 30] = modules!(
+const MODULES: [(&str, &str); 32] = modules!(
     "sagnac_integer",
     "sagnac_hash",
     "sagnac_compensator",
+    "sagnac_error_bound",
     "sagnac_upset",
     "sagnac_watch",
     "sagnac_quadrature",
@@ -46,7 +47,15 @@ const MODULES: [(&str, &str); 30] = modules!(
     "sagnac_board",
 );
 
-const README: (&str, &str) = ("README.md", include_str!("../c/README.md"));
+/// Of every export.
+const AROUND: [(&str, &str); 4] = [
+    ("README.md", include_str!("../c/README.md")),
+    ("CMakeLists.txt", include_str!("../c/CMakeLists.txt")),
+    ("zephyr/module.yml", include_str!("../c/module.yml")),
+    ("zephyr/Kconfig", include_str!("../c/Kconfig")),
+];
+/// Needs every part and the loops.
+const EXAMPLE: (&str, &str) = ("example/board.c", include_str!("../c/example_board.c"));
 const CHECK: [(&str, &str); 2] = [
     ("check/check_vectors.c", include_str!("../../firmware/c/check_vectors.c")),
     ("Makefile", include_str!("../c/Makefile")),
@@ -112,26 +121,41 @@ fn vectors() -> Vec<TextFile> {
     files.map(|(name, text)| TextFile::new(&format!("vectors/{name}"), text.to_owned())).collect()
 }
 
-/// The files for some axes of a gyro: the correction, the constants of the unit (those of its loops if their table is given), a program that
-/// checks them, and the parts. `removed_dph` has for each image the fixed bias that its correction takes out, if any; images alone do not show it. With
-/// all parts also the program that checks a port with the reference vectors. Names may have folders.
-pub fn c_files(
-    images: &[Image],
-    removed_dph: Option<&[Option<f64>]>,
-    loops: Option<&LoopTable>,
-    parts: &[Part],
-) -> Vec<TextFile> {
+/// What a correction does to the fixed bias; an image alone does not show it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum FixedBias {
+    /// It stays in the corrected counts.
+    Stays,
+    /// The correction takes it out, °/h.
+    RemovedDph(f64),
+    /// Only an image is there.
+    Unknown,
+}
+
+impl FixedBias {
+    /// Of a calibration's axis.
+    pub fn of(removed_dph: Option<f64>) -> Self {
+        removed_dph.map_or(Self::Stays, Self::RemovedDph)
+    }
+}
+
+/// The files for some axes, each with a letter of its own: the correction, the constants (those of the loops if their table is given), a program
+/// that checks them, and the parts. With all parts also the program that checks a port with the reference vectors. Names may have folders.
+pub fn c_files(axes: &[(Image, FixedBias)], loops: Option<&LoopTable>, parts: &[Part]) -> Vec<TextFile> {
+    let images: Vec<Image> = axes.iter().map(|(image, _)| *image).collect();
+    let images = images.as_slice();
     let is_whole = Part::ALL.iter().all(|part| parts.contains(part));
     let mut parts = parts.to_vec();
     parts.extend(loops.map(|_| Part::Loops));
     let checks = CHECK.iter().filter(|_| is_whole);
-    let texts = modules_of(&parts).into_iter().chain([&README]).chain(checks);
+    let example = [&EXAMPLE].into_iter().filter(|_| is_whole && loops.is_some());
+    let texts = modules_of(&parts).into_iter().chain(&AROUND).chain(checks).chain(example);
     let mut files: Vec<TextFile> = texts.map(|(name, text)| TextFile::new(name, (*text).to_owned())).collect();
     if is_whole {
         files.extend(vectors());
     }
     files.push(TextFile::new("sagnac_version.h", version_header()));
-    files.push(TextFile::new("sagnac_unit.h", unit_header(images, removed_dph, loops)));
+    files.push(TextFile::new("sagnac_unit.h", unit_header(axes, loops)));
     files.push(TextFile::new("sagnac_unit.c", unit_source(images, loops)));
     files.push(TextFile::new("sagnac_rates.h", rates_header(images)));
     files.push(TextFile::new("sagnac_unit_check.c", unit_check(&named(images), &about(images))));
@@ -172,20 +196,22 @@ fn named(images: &[Image]) -> Vec<(String, &Image)> {
 }
 
 fn about(images: &[Image]) -> String {
-    let serial = images.first().and_then(Image::serial).unwrap_or("");
+    let mut serials: Vec<&str> = images.iter().map(|image| image.serial().unwrap_or("")).collect();
+    serials.dedup();
     // A serial number may neither end the comment nor begin another.
-    let plain = serial.replace(|c: char| !c.is_ascii_alphanumeric() && !" -_.".contains(c), "_");
+    let plain = serials.join(", ").replace(|c: char| !c.is_ascii_alphanumeric() && !" -_.,".contains(c), "_");
     format!("/* Constants of gyro {plain}. Made by `sagnac export --to c`. */\n")
 }
 
-fn unit_header(images: &[Image], removed_dph: Option<&[Option<f64>]>, loops: Option<&LoopTable>) -> String {
-    let mut out = about(images);
+fn unit_header(axes: &[(Image, FixedBias)], loops: Option<&LoopTable>) -> String {
+    let images: Vec<Image> = axes.iter().map(|(image, _)| *image).collect();
+    let mut out = about(&images);
     out.push_str("#ifndef SAGNAC_UNIT_H\n#define SAGNAC_UNIT_H\n\n#include \"sagnac_compensator.h\"\n");
     if loops.is_some() {
         out.push_str("#include \"sagnac_intensity.h\"\n#include \"sagnac_path_length.h\"\n");
     }
     out.push_str("#include \"sagnac_version.h\"\n\n#ifdef __cplusplus\nextern \"C\" {\n#endif\n\n");
-    for (at, image) in images.iter().enumerate() {
+    for (image, bias) in axes {
         let d = image.description();
         // Writing to a String cannot fail.
         let _ = writeln!(
@@ -194,7 +220,7 @@ fn unit_header(images: &[Image], removed_dph: Option<&[Option<f64>]>, loops: Opt
             d.axis as char,
             d.sequence,
             size_of_count(image),
-            fixed_bias(removed_dph.map(|all| all.get(at).copied().flatten())),
+            fixed_bias(*bias),
             name_of(image)
         );
         if let Some([above, below]) = counts_per_nano_dps(image) {
@@ -208,6 +234,13 @@ fn unit_header(images: &[Image], removed_dph: Option<&[Option<f64>]>, loops: Opt
     if loops.is_some() {
         out.push_str("extern const sagnac_path_length sagnac_unit_path_length;\nextern const sagnac_intensity sagnac_unit_intensity;\n\n");
     }
+    let names: Vec<String> = images.iter().map(|image| format!("&{}", name_of(image))).collect();
+    let _ = write!(
+        out,
+        "/* All of them, for a loop over the axes. */\n#define SAGNAC_UNIT_AXES {}U\n#define SAGNAC_UNIT_IMAGES {{{}}}\n\n",
+        names.len(),
+        names.join(", ")
+    );
     out + "#ifdef __cplusplus\n}\n#endif\n\n#endif\n"
 }
 
@@ -236,12 +269,14 @@ fn size_of_count(image: &Image) -> String {
     )
 }
 
-/// What the correction does to the fixed bias, in words; `None` where the images alone are given.
-fn fixed_bias(removed_dph: Option<Option<f64>>) -> String {
-    match removed_dph {
-        Some(Some(dph)) => format!("The correction takes the fixed bias out: {} deg/h.", decimal(dph)),
-        Some(None) => "The fixed bias stays in the corrected counts.".to_owned(),
-        None => "Fixed bias: only the calibration of this image shows whether it is taken out.".to_owned(),
+/// The same in words.
+fn fixed_bias(bias: FixedBias) -> String {
+    match bias {
+        FixedBias::RemovedDph(dph) => format!("The correction takes the fixed bias out: {} deg/h.", decimal(dph)),
+        FixedBias::Stays => "The fixed bias stays in the corrected counts.".to_owned(),
+        FixedBias::Unknown => {
+            "Fixed bias: only the calibration of this image shows whether it is taken out.".to_owned()
+        }
     }
 }
 

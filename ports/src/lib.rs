@@ -13,7 +13,7 @@ mod verilog;
 
 use std::path::Path;
 
-pub use c::{Part, c_files};
+pub use c::{FixedBias, Part, c_files};
 pub use verilog::{hex_words, verilog_files};
 
 /// One file of source text.

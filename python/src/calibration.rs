@@ -17,7 +17,7 @@ use sagnac::{Error, Result, Setup};
 use sagnac_core::{Image, Status};
 use sagnac_log::ingest::{AngleUnit, LogShape, ReadMode, sha256};
 use sagnac_log::write::write_bytes;
-use sagnac_ports::c_files;
+use sagnac_ports::{FixedBias, c_files};
 use sagnac_report::calibration_report;
 use sagnac_units::s_from_ns;
 
@@ -170,7 +170,9 @@ impl Calibration {
     /// Writes the C sources; their paths.
     fn export_c(&self, folder: PathBuf, sequence: u32) -> PyResult<Vec<PathBuf>> {
         let images = self.images(sequence).map_err(exception)?;
-        let files = c_files(&images, Some(&self.record.removed_dph()), None, &[]);
+        let biases = self.record.removed_dph().into_iter().map(FixedBias::of);
+        let axes: Vec<_> = images.into_iter().zip(biases).collect();
+        let files = c_files(&axes, None, &[]);
         let paths: Vec<PathBuf> = files.iter().map(|file| folder.join(&file.name)).collect();
         let write = || -> Result<()> {
             if let Some((_, path)) = files.iter().zip(&paths).find(|(file, path)| !file.may_replace(path)) {

@@ -58,6 +58,7 @@ pub fn is_root() -> bool {
 
 /// For `cargo xtask c`.
 pub const C: &[Tool] = &[
+    ("cmake", "cmake"),
     ("gcc", "gcc"),
     ("/usr/include/x86_64-linux-gnu/asm/errno.h", "linux-libc-dev"),
     ("/usr/lib/gcc/x86_64-linux-gnu/*/32/libgcc.a", "gcc-12-multilib"),

@@ -1,5 +1,6 @@
 //! What a gyro says on its serial line, in words, and its clock over wraps and restarts.
 
+use sagnac_board::frame::Frame;
 use sagnac_board::{KINDS, Message, OutputFrame, POWER_ON, Reply, ReplyCode};
 use sagnac_core::{Origin, Status};
 use sagnac_loops::{IntensityStatus, PathLengthStatus};
@@ -71,6 +72,17 @@ pub fn reply_words(reply: &Reply) -> String {
         }
         number => format!("{what}: {became}; image {number} active{trial}"),
     }
+}
+
+/// The axis that a frame names, or nothing.
+pub fn axis_letter(frame: &Frame) -> &'static str {
+    ["", "x", "y", "z"].get(usize::from(frame.axis)).copied().unwrap_or_default()
+}
+
+/// The angle of an output in arcsec, every digit.
+pub fn arcsec(nano: i64) -> String {
+    let (sign, size) = (if nano < 0 { "-" } else { "" }, nano.unsigned_abs());
+    format!("{sign}{}.{:09}", size / 1_000_000_000, size % 1_000_000_000)
 }
 
 /// True for the reply to a piece that was taken, of which an upload has many.

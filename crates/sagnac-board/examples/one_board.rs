@@ -9,7 +9,7 @@
 
 use std::error::Error;
 
-use sagnac_board::{ActuatorCodes, Board, BoardSetup, Sample, StartCause};
+use sagnac_board::{ActuatorCodes, Board, BoardSetup, FRAME_TICKS, Sample, StartCause};
 use sagnac_core::{Image, Origin, Status};
 use sagnac_loops::LoopTable;
 
@@ -21,7 +21,7 @@ const LOOPS: &[u8] = include_bytes!("../../../testdata/vectors/path-length-mirro
 fn main() -> Result<(), Box<dyn Error>> {
     let image = Image::decode(IMAGE)?;
     let mut quarter = 0;
-    let setup = BoardSetup { loops: loop_table()?, stripper: None, watch: None };
+    let setup = BoardSetup { loops: loop_table()?, stripper: None, watch: None, frame_ticks: FRAME_TICKS };
     let mut board = Board::new(StartCause::PowerOn, image, Origin::Newest, &setup, levels(quarter));
 
     let mut frames = Vec::new();

@@ -15,7 +15,8 @@
 //! none. The order is part of the format: the content of a frame depends on it.
 
 use sagnac_core::{
-    Compensator, Image, Loaded, MAX_INPUTS, MAX_RAW, Origin, SlowUpdate, State, Status, ValueSource, Watch, WatchSpec,
+    Compensator, ErrorBound, Image, Loaded, MAX_INPUTS, MAX_RAW, Origin, SlowUpdate, State, Status, UNBOUNDED,
+    ValueSource, Watch, WatchSpec,
 };
 use sagnac_loops::{
     Counting, Intensity, IntensityState, LoopTable, PathLength, PathLengthState, PathLengthStatus, Quadrature,
@@ -24,7 +25,7 @@ use sagnac_loops::{
 
 use crate::message::{OutputFrame, image_code};
 
-/// Ticks of an output frame: 10 ms at 100 µs.
+/// Usual ticks of an output frame: 10 ms at 100 µs.
 pub const FRAME_TICKS: u16 = 100;
 /// Longest pause that [`Board::make_up`] makes up, ticks: 105 s at 100 µs.
 pub const LONGEST_PAUSE_TICKS: u32 = 1 << 20;
@@ -75,6 +76,8 @@ pub struct BoardSetup {
     pub stripper: Option<Stripper>,
     /// Watches the image's thermometers: [`Status::STUCK`] while one stands still although another one goes away from it.
     pub watch: Option<WatchSetup>,
+    /// Ticks of an output frame, usually [`FRAME_TICKS`]; 0 as 1.
+    pub frame_ticks: u16,
 }
 
 /// The watch over the image's thermometers.
@@ -107,8 +110,16 @@ pub struct Board {
     image_checksum: u32,
     /// The frame being filled, and its ticks so far.
     frame: OutputFrame,
-    frame_ticks: u16,
+    ticks_so_far: u16,
+    error: ErrorBound,
+    /// A slow update has come, and its bound has not been computed.
+    error_is_due: bool,
+    /// 10⁻¹⁵ arcsec below the unit of the last frame's angle.
+    angle_rest: i64,
 }
+
+/// 10⁻¹⁵ arcsec of the unit of a frame's angle.
+const NANO_FEMTO: i64 = 1_000_000;
 
 /// Slow updates in so many seconds.
 fn updates_in(image: &Image, seconds: u32) -> u64 {
@@ -144,8 +155,17 @@ impl Board {
             origin,
             trial: false,
             watch: setup.watch.map(ThermometerWatch::new),
-            frame: OutputFrame { origin, ..OutputFrame::default() },
-            frame_ticks: 0,
+            frame: OutputFrame {
+                origin,
+                frame_ticks: setup.frame_ticks.max(1),
+                tick_ns: image.description().tick_ns,
+                error_milli_dph: UNBOUNDED,
+                ..OutputFrame::default()
+            },
+            ticks_so_far: 0,
+            error: ErrorBound::new(),
+            error_is_due: false,
+            angle_rest: 0,
         }
     }
 
@@ -181,6 +201,8 @@ impl Board {
             && self.light.0 == setup.loops.intensity
             && self.stripper.map(|stripper| stripper.at_start()) == setup.stripper
             && self.watch.as_ref().map(ThermometerWatch::setup) == setup.watch
+            && self.frame.frame_ticks == setup.frame_ticks.max(1)
+            && self.frame.tick_ns == self.image().description().tick_ns
     }
 
     /// Goes on with what flash holds after [`Board::is_intact`] was false, with [`Status::UPSET`] in the frame.
@@ -200,6 +222,8 @@ impl Board {
         if self.watch.as_ref().map(ThermometerWatch::setup) != setup.watch {
             self.watch = setup.watch.map(ThermometerWatch::new);
         }
+        self.frame.frame_ticks = setup.frame_ticks.max(1);
+        self.frame.tick_ns = self.image().description().tick_ns;
         self.frame.status |= Status::UPSET;
     }
 
@@ -208,7 +232,7 @@ impl Board {
         self.gyro.image()
     }
 
-    /// One tick: the levels seen during it, in order, and the sample at its end. A frame is returned every [`FRAME_TICKS`] ticks.
+    /// One tick: the levels seen during it, in order, and the sample at its end. A frame is returned every [`BoardSetup::frame_ticks`] ticks.
     #[inline]
     pub fn tick(
         &mut self,
@@ -233,6 +257,7 @@ impl Board {
     ) -> (ActuatorCodes, Option<OutputFrame>) {
         self.check_state();
         self.make_slices(sample);
+        self.bound_error();
         if self.state.ticks_to_update() == 0 {
             self.slow_update(&sample.codes);
         }
@@ -276,6 +301,7 @@ impl Board {
         while rest > 0 {
             if self.state.ticks_to_update() == 0 {
                 self.slow_update(&[None; MAX_INPUTS]);
+                self.bound_error();
             }
             let ticks = rest.min(self.state.ticks_to_update());
             if let Ok(output) = self.gyro.advance(&mut self.state, 0, ticks) {
@@ -337,10 +363,21 @@ impl Board {
             let _ = self.gyro.update(&mut self.state, of_image);
         }
         self.seal = Seal::of(&self.state, self.frame.tick);
+        self.error_is_due = true;
         self.frame.temperature = codes.first().copied().flatten();
         if let Some(watch) = &mut self.watch {
             let command = watch.heats.then_some(self.path.1.held());
             watch.still = watch.watch.update(&temperatures(self.gyro.image(), &codes), command);
+        }
+    }
+
+    /// The bound of the last slow update, in the tick after it: no tick has both.
+    #[inline]
+    fn bound_error(&mut self) {
+        if self.error_is_due {
+            self.error_is_due = false;
+            self.error.update(self.gyro.image(), &self.state);
+            self.frame.error_milli_dph = self.frame.error_milli_dph.max(self.error.milli_dph());
         }
     }
 
@@ -375,13 +412,17 @@ impl Board {
 
     fn end_of_tick(&mut self, commands: &ActuatorCodes) -> Option<OutputFrame> {
         self.frame.tick = self.frame.tick.wrapping_add(1);
-        self.frame_ticks += 1;
-        if self.frame_ticks < FRAME_TICKS {
+        self.ticks_so_far += 1;
+        if self.ticks_so_far < self.frame.frame_ticks {
             return None;
         }
         self.frame.lost_steps = self.lost_steps as u16;
+        self.frame.angle_nano_arcsec = self.angle();
+        if ErrorBound::is_open_ended(self.frame.status) {
+            self.frame.error_milli_dph = UNBOUNDED;
+        }
         let given = self.frame;
-        self.frame_ticks = 0;
+        self.ticks_so_far = 0;
         self.frame = OutputFrame {
             sequence: given.sequence.wrapping_add(1),
             tick: given.tick,
@@ -390,9 +431,26 @@ impl Board {
             current: commands.current,
             origin: self.origin,
             trial: self.trial,
+            error_milli_dph: self.error.milli_dph(),
+            frame_ticks: given.frame_ticks,
+            tick_ns: given.tick_ns,
             ..OutputFrame::default()
         };
         Some(given)
+    }
+
+    /// The angle of the frame's counts, 10⁻⁹ arcsec; what is less than that goes to the next frame.
+    fn angle(&mut self) -> i64 {
+        let femto = self.image().description().scale_factor_femto_arcsec;
+        let (whole, part) =
+            (femto.div_euclid(NANO_FEMTO.cast_unsigned()), femto.rem_euclid(NANO_FEMTO.cast_unsigned()));
+        let (whole, part) = (whole.cast_signed(), part.cast_signed());
+        // Thousands of turns in a frame: beyond them the angle stays at its largest value.
+        let most = (i64::MAX / 2).checked_div(whole + 1).unwrap_or(0);
+        let counts = i64::from(self.frame.counts).clamp(-most, most);
+        let rest = counts * part + self.angle_rest;
+        self.angle_rest = rest.rem_euclid(NANO_FEMTO);
+        counts * whole + rest.div_euclid(NANO_FEMTO)
     }
 }
 
@@ -489,7 +547,7 @@ mod tests {
     }
 
     fn plain() -> BoardSetup {
-        BoardSetup { loops: loops(), stripper: None, watch: None }
+        BoardSetup { loops: loops(), stripper: None, watch: None, frame_ticks: FRAME_TICKS }
     }
 
     fn board() -> Board {

@@ -7,6 +7,8 @@
 //! └─────┴──────┴──────┴────────────────┴───────────┘
 //! ```
 //!
+//! The upper two bits of the kind are the axis: 1, 2, 3 for x, y, z; 0 for another one, or for every gyro of the line.
+//!
 //! The checksum covers kind, length and payload. If the bytes are not a frame, the reader skips one byte and looks for
 //! the next `SG`. So lost or added bytes cost only the frames that they hit. (If one checksum ends in `S` and one of
 //! the two equal bytes `S` is lost, one of the two frames is lost: the remaining bytes are the same in both cases.)
@@ -23,22 +25,50 @@ pub const MAX_PAYLOAD: usize = 64;
 pub const MAX_FRAME: usize = HEAD + MAX_PAYLOAD + CRC;
 const HEAD: usize = 4;
 const CRC: usize = 4;
+const AXIS_SHIFT: u32 = 6;
+
+/// Largest kind: the upper two bits of its byte are the axis.
+pub const MAX_KIND: u8 = 0x3F;
+
+/// The axis of a frame from its letter: 1, 2, 3 for x, y, z, and 0 for any other.
+pub const fn axis_code(letter: u8) -> u8 {
+    match letter {
+        b'x' | b'X' => 1,
+        b'y' | b'Y' => 2,
+        b'z' | b'Z' => 3,
+        _ => 0,
+    }
+}
 
 /// A frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Frame {
     /// Kind of the message.
     pub kind: u8,
+    /// Axis that it comes from or goes to ([`axis_code`]); 0 for every one.
+    pub axis: u8,
     len: u8,
     payload: [u8; MAX_PAYLOAD],
 }
 
 impl Frame {
-    /// A frame of this kind; `None` for a payload that is too long.
+    /// A frame of this kind, without an axis; `None` for a kind or a payload that is too large.
     pub fn new(kind: u8, payload: &[u8]) -> Option<Self> {
-        let mut frame = Self { kind, len: u8::try_from(payload.len()).ok()?, payload: [0; MAX_PAYLOAD] };
+        let len = u8::try_from(payload.len()).ok().filter(|_| kind <= MAX_KIND)?;
+        let mut frame = Self { kind, axis: 0, len, payload: [0; MAX_PAYLOAD] };
         frame.payload.get_mut(..payload.len())?.copy_from_slice(payload);
         Some(frame)
+    }
+
+    /// The same frame from or to the axis of this letter.
+    pub const fn of_axis(mut self, letter: u8) -> Self {
+        self.axis = axis_code(letter);
+        self
+    }
+
+    /// A gyro of this axis reads it.
+    pub const fn is_for(&self, letter: u8) -> bool {
+        self.axis == 0 || self.axis == axis_code(letter)
     }
 
     /// Its payload.
@@ -49,7 +79,7 @@ impl Frame {
     /// Its bytes: a buffer, and the number of bytes used.
     pub fn bytes(&self) -> ([u8; MAX_FRAME], usize) {
         let mut bytes = [0; MAX_FRAME];
-        let head = [self.kind, self.len];
+        let head = [self.kind & MAX_KIND | self.axis << AXIS_SHIFT, self.len];
         let crc = crc32_of(&[&head, self.payload()]).to_le_bytes();
         let all = SYNC.iter().chain(&head).chain(self.payload()).chain(&crc);
         bytes.iter_mut().zip(all).for_each(|(slot, byte)| *slot = *byte);
@@ -156,7 +186,8 @@ impl FrameReader {
         if crc != crc32_of(&[&[kind, len], payload]).to_le_bytes() {
             return Parsed::NotHere;
         }
-        Frame::new(kind, payload).map_or(Parsed::NotHere, |frame| Parsed::Frame(frame, whole))
+        Frame::new(kind & MAX_KIND, payload)
+            .map_or(Parsed::NotHere, |frame| Parsed::Frame(Frame { axis: kind >> AXIS_SHIFT, ..frame }, whole))
     }
 }
 

@@ -8,7 +8,7 @@ use embedded_storage::nor_flash::NorFlash;
 use sagnac_core::{Banks, Gyro, Loaded, NoKey, Trust};
 use sagnac_loops::{LoopTable, Stripper};
 
-use crate::board::{ActuatorCodes, Board, BoardSetup, StartCause};
+use crate::board::{ActuatorCodes, Board, BoardSetup, FRAME_TICKS, StartCause};
 use crate::frame::{Frame, FrameReader};
 use crate::message::{Message, OutputFrame, Reply, RigSettings, Row};
 use crate::rig::Rig;
@@ -98,7 +98,7 @@ impl<F: NorFlash, T: Trust> CommandHandler<F, T> {
     pub fn power_on(&mut self, settings: RigSettings) -> (TickHandler, Reply) {
         let loaded = self.banks.start(&self.gyro, 0);
         let dithered = (settings.dither_counts > 0).then(|| Stripper::new(LONGEST_DITHER_TICKS, LEAST_SWING));
-        let setup = BoardSetup { loops: self.loops, stripper: dithered, watch: None };
+        let setup = BoardSetup { loops: self.loops, stripper: dithered, watch: None, frame_ticks: FRAME_TICKS };
         let mut board = Board::new(StartCause::PowerOn, loaded.image, loaded.origin, &setup, Rig::LEVELS);
         board.use_loaded(&loaded);
         let reply = self.upload.power_on(&loaded);
@@ -118,8 +118,13 @@ impl<F: NorFlash, T: Trust> CommandHandler<F, T> {
         self.handle(&frame)
     }
 
+    /// The axis letter of this gyro, for the frames that it sends.
+    pub const fn axis(&self) -> u8 {
+        self.gyro.axis
+    }
+
     fn handle(&mut self, frame: &Frame) -> Option<Action> {
-        match Message::parse(frame)? {
+        match Message::parse(frame).filter(|_| frame.is_for(self.gyro.axis))? {
             Message::Row(row) => Some(Action::Run(row)),
             Message::Settings(settings) => {
                 let (ticks, reply) = self.power_on(settings);
@@ -142,9 +147,10 @@ pub fn run<F: NorFlash, T: Trust>(
     input: impl Iterator<Item = u8>,
     mut out: impl FnMut(&[u8]),
 ) {
+    let axis = handler.axis();
     let mut send = |message: Message| {
         if let Some(frame) = message.frame() {
-            let (bytes, len) = frame.bytes();
+            let (bytes, len) = frame.of_axis(axis).bytes();
             out(bytes.get(..len).unwrap_or(&[]));
         }
     };

@@ -44,7 +44,7 @@ impl<L: Read + ReadReady + Write, F: NorFlash, T: Trust> Line<L, F, T> {
     ) -> Result<(Self, Loaded), L::Error> {
         let loaded = banks.start(&gyro, watchdog_resets);
         let mut upload = Upload::new(trust);
-        write(&mut port, &Message::Reply(upload.power_on(&loaded)))?;
+        write(&mut port, &Message::Reply(upload.power_on(&loaded)), gyro.axis)?;
         let line = Self { port, banks, gyro, upload, reader: FrameReader::new() };
         Ok((line, loaded))
     }
@@ -89,7 +89,7 @@ impl<L: Read + ReadReady + Write, F: NorFlash, T: Trust> Line<L, F, T> {
     /// # Errors
     /// Those of the port.
     pub fn send(&mut self, output: OutputFrame) -> Result<(), L::Error> {
-        write(&mut self.port, &Message::Output(output))
+        write(&mut self.port, &Message::Output(output), self.gyro.axis)
     }
 
     /// What flash holds, for [`Board::mend`](crate::Board::mend).
@@ -98,18 +98,18 @@ impl<L: Read + ReadReady + Write, F: NorFlash, T: Trust> Line<L, F, T> {
     }
 
     fn handle(&mut self, frame: &Frame, use_image: &mut impl FnMut(&Loaded)) -> Result<(), L::Error> {
-        let Some(message) = Message::parse(frame) else { return Ok(()) };
+        let Some(message) = Message::parse(frame).filter(|_| frame.is_for(self.gyro.axis)) else { return Ok(()) };
         let Some(handled) = self.upload.handle(&message, &mut self.banks, &self.gyro) else { return Ok(()) };
         if let Some(loaded) = &handled.loaded {
             use_image(loaded);
         }
-        write(&mut self.port, &handled.message)
+        write(&mut self.port, &handled.message, self.gyro.axis)
     }
 }
 
-fn write<L: Write>(port: &mut L, message: &Message) -> Result<(), L::Error> {
+fn write<L: Write>(port: &mut L, message: &Message, axis: u8) -> Result<(), L::Error> {
     let Some(frame) = message.frame() else { return Ok(()) };
-    let (bytes, len) = frame.bytes();
+    let (bytes, len) = frame.of_axis(axis).bytes();
     let mut rest = bytes.get(..len).unwrap_or(&[]);
     // Not `write_all`, which panics for a port that takes nothing.
     while !rest.is_empty() {

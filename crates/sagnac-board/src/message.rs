@@ -15,7 +15,7 @@ use crate::frame::Frame;
 /// Value of [`Reply::to`] in the reply that is sent at power-on.
 pub const POWER_ON: u8 = 0;
 /// Bytes of an output frame.
-pub const OUTPUT_LEN: usize = 41;
+pub const OUTPUT_LEN: usize = 59;
 /// Bytes of an image in one message.
 const PIECE_LEN: usize = 60;
 
@@ -105,8 +105,8 @@ macro_rules! messages {
 }
 
 messages! {
-    /// Corrected counts and status, every 100 ticks.
-    OUTPUT = 0x01 "output", Output(OutputFrame), FromGyro, "33 bytes, below";
+    /// Corrected counts, their angle, status and what may be wrong, every `frame_ticks` ticks.
+    OUTPUT = 0x01 "output", Output(OutputFrame), FromGyro, "51 bytes, below";
     /// The result of a message, and which image runs.
     REPLY = 0x02 "reply", Reply(Reply), FromGyro, "7 bytes, below";
     /// A gyro with a key asks: sign this ([`sagnac_core::service_message`]) to open the service mode.
@@ -156,7 +156,7 @@ macro_rules! number {
     )*};
 }
 
-number!(u16, u32, i32);
+number!(u16, u32, i32, i64);
 
 impl<const N: usize> Payload for [u8; N] {
     fn put(&self, w: &mut Writer<'_>) -> Option<usize> {
@@ -302,7 +302,7 @@ impl Payload for Piece {
     }
 }
 
-/// Frame that the gyro sends every [`crate::FRAME_TICKS`] ticks.
+/// Frame that the gyro sends every [`crate::BoardSetup::frame_ticks`] ticks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct OutputFrame {
     /// Number of the frame, from 0, modulo 2¹⁶.
@@ -331,6 +331,14 @@ pub struct OutputFrame {
     pub origin: Origin,
     /// The active image is on trial.
     pub trial: bool,
+    /// Angle of the corrected counts, 10⁻⁹ arcsec. The rest of the division is in the next frame, so the sum has no error of its own.
+    pub angle_nano_arcsec: i64,
+    /// How far a fault may have moved the correction in this frame ([`sagnac_core::ErrorBound`]), 0.001 °/h; the largest number: no bound.
+    pub error_milli_dph: u32,
+    /// Ticks of a frame without missed ones.
+    pub frame_ticks: u16,
+    /// Length of a tick, ns.
+    pub tick_ns: u32,
 }
 
 impl Payload for OutputFrame {
@@ -348,7 +356,11 @@ impl Payload for OutputFrame {
                 + self.current.put(w)?
                 + self.temperature.unwrap_or(0).put(w)?
                 + self.lost_steps.put(w)?
-                + (has_sample | image_code(self.origin, self.trial) << 1).put(w)?,
+                + (has_sample | image_code(self.origin, self.trial) << 1).put(w)?
+                + self.angle_nano_arcsec.put(w)?
+                + self.error_milli_dph.put(w)?
+                + self.frame_ticks.put(w)?
+                + self.tick_ns.put(w)?,
         )
     }
 
@@ -365,6 +377,8 @@ impl Payload for OutputFrame {
             _ => Some(temperature),
         };
         let (origin, trial) = image_of(source >> 1)?;
+        let (angle_nano_arcsec, error_milli_dph) = (Payload::take(r)?, r.u32()?);
+        let (frame_ticks, tick_ns) = (r.u16()?, r.u32()?);
         Some(Self {
             sequence,
             tick,
@@ -379,6 +393,10 @@ impl Payload for OutputFrame {
             lost_steps,
             origin,
             trial,
+            angle_nano_arcsec,
+            error_milli_dph,
+            frame_ticks,
+            tick_ns,
         })
     }
 }

@@ -2,12 +2,12 @@
 
 use crate::given::{PAPER, loops, setup};
 use proptest::prelude::*;
-use sagnac_board::frame::{Frame, FrameReader, MAX_PAYLOAD};
+use sagnac_board::frame::{Frame, FrameReader, MAX_KIND, MAX_PAYLOAD};
 use sagnac_board::{
     Board, BoardSetup, Change, CommandHandler, Commit, FRAME_TICKS, MemoryFlash, Message, OUTPUT_LEN, OutputFrame,
     Piece, Reply, ReplyCode, RigSettings, Row, Sample, StartCause, WatchSetup, run,
 };
-use sagnac_core::{BankReport, Banks, Description, Gyro, Image, Loaded, Origin, Status, WatchSpec};
+use sagnac_core::{BankReport, Banks, Description, Gyro, Image, Loaded, Origin, Status, UNBOUNDED, WatchSpec};
 use sagnac_loops::Stripper;
 
 fn bytes_of(message: &Message) -> Vec<u8> {
@@ -45,6 +45,10 @@ fn message() -> impl Strategy<Value = Message> {
                 lost_steps: n ^ 0x5a5a,
                 origin: [Origin::Newest, Origin::Survivor, Origin::FactoryDefaults][usize::from(p % 3)],
                 trial: l & 1 == 1,
+                angle_nano_arcsec: i64::from(v[2]) << 20,
+                error_milli_dph: v[3] as u32,
+                frame_ticks: n,
+                tick_ns: v[4] as u32,
             })
         }),
         (any::<u8>(), any::<u32>()).prop_map(|(to, sequence)| Message::Reply(Reply {
@@ -100,7 +104,7 @@ fn frames_touched(starts: &[usize], bytes: &[u8], at: usize) -> std::ops::RangeI
 #[test]
 fn one_of_two_equal_bytes_lost_costs_one_frame() {
     let payload = [234, 86, 135, 41, 181, 201, 117, 202, 117, 38, 246, 84, 146, 143];
-    let (first, second) = (Frame::new(193, &payload).unwrap(), Frame::new(0, &[0; 9]).unwrap());
+    let (first, second) = (Frame::new(1, &payload).unwrap().of_axis(b'z'), Frame::new(0, &[0; 9]).unwrap());
     let (first_bytes, len) = first.bytes();
     assert_eq!(first_bytes[len - 1], b'S');
     let (second_bytes, second_len) = second.bytes();
@@ -136,7 +140,7 @@ proptest! {
     /// A damaged byte, a lost byte, bytes between: the frames around come out.
     #[test]
     fn damage_costs_the_frames_it_hits(
-        payloads in prop::collection::vec((any::<u8>(), prop::collection::vec(any::<u8>(), 0..=MAX_PAYLOAD)), 3..12),
+        payloads in prop::collection::vec((0..=MAX_KIND, prop::collection::vec(any::<u8>(), 0..=MAX_PAYLOAD)), 3..12),
         hit in any::<prop::sample::Index>(),
         how in 0..3_u8,
         noise in prop::collection::vec(any::<u8>(), 1..9),
@@ -342,4 +346,68 @@ fn a_stuck_thermometer_is_in_the_status() {
         board.tick(std::iter::empty(), &sample);
     }
     assert_eq!(board.standing_still(), 0);
+}
+
+/// Frames of any length: their angles add up to the counts times the scale factor exactly, whatever is left of the division, and each has the
+/// tick at its end.
+#[test]
+fn angles_of_frames_lose_nothing() {
+    let paper = Image::decode(PAPER).unwrap();
+    for (frame_ticks, femto) in [(1, 1_513_333_333_337_u64), (7, 999_999), (100, 264_750_000_000_001), (0, 3)] {
+        let description = Description { scale_factor_femto_arcsec: femto, ..*paper.description() };
+        let image = Image::new(description).unwrap();
+        let setup = BoardSetup { frame_ticks, ..setup(None) };
+        let mut board = Board::new(StartCause::PowerOn, image, Origin::Newest, &setup, (false, false));
+        let (mut counts, mut nano, mut frames) = (0_i64, 0_i64, 0);
+        for tick in 0..20_000_u32 {
+            let sample = Sample { codes: [Some(20 << 24), None, None, None], ..Sample::default() };
+            let of_tick = if tick % 3 == 0 { -40 } else { 7 };
+            let Some(frame) = board.tick_counts(of_tick, 0, &sample).1 else { continue };
+            (counts, nano, frames) = (counts + i64::from(frame.counts), nano + frame.angle_nano_arcsec, frames + 1);
+            // Closed form: the floor of the whole angle.
+            let whole = i128::from(counts) * i128::from(femto);
+            assert_eq!(i128::from(nano), whole.div_euclid(1_000_000), "frame {frames} of {frame_ticks} ticks");
+            assert_eq!(frame.tick, tick + 1);
+            assert_eq!((frame.frame_ticks, frame.tick_ns), (frame_ticks.max(1), description.tick_ns));
+        }
+        assert_eq!(frames, 20_000 / u32::from(frame_ticks.max(1)));
+    }
+}
+
+/// The number next to the status: none without an image in force, then the most of a frame's slow updates.
+#[test]
+fn a_frame_has_the_bound_of_its_error() {
+    let paper = Image::decode(PAPER).unwrap();
+    let mut board = Board::new(StartCause::PowerOn, paper, Origin::Newest, &setup(None), (false, false));
+    let mut next = |code: Option<i32>| {
+        let sample = Sample { codes: [code, None, None, None], ..Sample::default() };
+        std::iter::repeat_with(|| board.tick_counts(3, 0, &sample).1).find_map(|frame| frame).unwrap()
+    };
+    assert_eq!(next(Some(20 << 24)).error_milli_dph, UNBOUNDED, "before the first bound");
+    let period_frames = paper.description().period_ticks / u32::from(FRAME_TICKS);
+    let calm = (0..20 * period_frames).map(|_| next(Some(20 << 24))).last().unwrap();
+    assert!(calm.status == Status::OK && (100..1000).contains(&calm.error_milli_dph), "{calm:?}");
+    let held = (0..20 * period_frames).map(|_| next(None)).last().unwrap();
+    assert!(held.status.contains(Status::HELD) && held.error_milli_dph > calm.error_milli_dph, "{held:?}");
+    let outside = (0..3 * period_frames).map(|_| next(Some(120 << 24))).last().unwrap();
+    assert!(outside.status != Status::OK && outside.error_milli_dph > held.error_milli_dph, "{outside:?}");
+}
+
+/// A message for another axis is for somebody else; one for every axis is answered, with the axis of this gyro.
+#[test]
+fn a_gyro_reads_the_messages_for_its_axis() {
+    let image = Image::decode(PAPER).unwrap();
+    let own = image.description().axis;
+    let other = *b"xyz".iter().find(|letter| **letter != own).unwrap();
+    let answers = |letter: u8| {
+        let banks = Banks::new(MemoryFlash::new(), 0, MemoryFlash::BANK).unwrap();
+        let (input, len) = Message::RollBack.frame().unwrap().of_axis(letter).bytes();
+        let mut out = Vec::new();
+        let mut handler = CommandHandler::new(banks, Gyro::of(&image, 4), loops());
+        run(&mut handler, input[..len].iter().copied(), |bytes| out.extend_from_slice(bytes));
+        frames(&out).0
+    };
+    let code = sagnac_board::frame::axis_code(own);
+    assert!(answers(own).iter().chain(&answers(0)).all(|frame| frame.axis == code));
+    assert_eq!([own, 0, other].map(|letter| answers(letter).len()), [2, 2, 1]);
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use sagnac_board::frame::{Frame, FrameReader};
 use sagnac_board::{CommandHandler, Commit, MemoryFlash, Message, Piece, RigSettings, Row, run};
-use sagnac_core::{Banks, Gyro, Image};
+use sagnac_core::{Banks, Description, Gyro, Image};
 use sagnac_loops::LoopTable;
 
 fn root() -> PathBuf {
@@ -81,14 +81,14 @@ fn c_and_verilog_are_whole_folders() {
     assert!(unit.contains("PAPER-RIG") && unit.contains(".mantissa = 558484714, .shift = 33"), "{unit}");
 }
 
-/// The correction alone: ten files that say how large a count is, and a program that checks the unit on any compiler.
+/// The correction alone: files that say how large a count is, and a program that checks the unit on any compiler.
 #[test]
 fn the_default_export_states_its_counts_and_checks_its_unit() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("c");
     let (status, _, said) = sagnac(&["export", text(&paper()), "--to", "c", "-o", text(&out)]);
     assert_eq!(status, 0, "{said}");
-    assert_eq!(fs::read_dir(&out).unwrap().count(), 10);
+    assert_eq!(fs::read_dir(&out).unwrap().count(), 12);
     let header = fs::read_to_string(out.join("sagnac_unit.h")).unwrap();
     // Quarters of 1.059 arcsec in ticks of 100 µs: 0.26475/3600/1e-4 = 0.735416… °/s. A rate of 1e-9 °/s is 3600·1e-9·1e-4/0.26475 counts.
     assert!(
@@ -312,13 +312,14 @@ fn frames_become_rows_and_damage_is_counted() {
     assert_eq!(counts, 80);
     assert!(rows.lines().nth(1).unwrap().contains(",UNCORRECTED,"), "no bank holds an image");
     // A byte of the tenth output is damaged, the twentieth output is missing.
-    let outputs: Vec<usize> = (0..bytes.len() - 4).filter(|at| bytes[*at..].starts_with(b"SG\x01\x21")).collect();
+    let outputs: Vec<usize> =
+        (0..bytes.len() - 4).filter(|at| bytes[*at..].starts_with(b"SG") && bytes[*at + 2] & 0x3f == 1).collect();
     bytes[outputs[9] + 20] ^= 0x10;
     bytes.drain(outputs[19]..outputs[20]);
     fs::write(&line, &bytes).unwrap();
     let (status, out, said) = sagnac(&["line", "read", text(&line)]);
     assert_eq!((status, out.lines().count()), (0, 39), "{said}");
-    assert!(said.contains("38 output frames, 2 missing") && said.contains("41 bytes belong to no frame"), "{said}");
+    assert!(said.contains("38 output frames, 2 missing") && said.contains("59 bytes belong to no frame"), "{said}");
 }
 
 /// The clock continues past its 32 bits, a restart is reported, and bits without a name are shown.
@@ -329,7 +330,14 @@ fn odd_frames_are_reported() {
     let mut bytes = Vec::new();
     for (sequence, tick) in [(7, u32::MAX - 49), (8, 50), (9, 150), (3, 100), (4, 200)] {
         let status = sagnac_core::Status::from_bits(0x8001);
-        let output = sagnac_board::OutputFrame { sequence, tick, status, light_status: 0x24, ..Default::default() };
+        let output = sagnac_board::OutputFrame {
+            sequence,
+            tick,
+            status,
+            light_status: 0x24,
+            tick_ns: 100_000,
+            ..Default::default()
+        };
         let (frame, len) = Message::Output(output).frame().unwrap().bytes();
         bytes.extend_from_slice(&frame[..len]);
     }
@@ -346,11 +354,44 @@ fn odd_frames_are_reported() {
 fn what_is_no_line_is_refused() {
     let (status, _, said) = sagnac(&["line", "read", text(&paper())]);
     assert!(status == 2 && said.contains("no frame of a gyro"), "{status} {said}");
-    let frame = Frame::new(0x77, &[1, 2, 3]).unwrap();
+    let frame = Frame::new(0x37, &[1, 2, 3]).unwrap();
     let folder = tempfile::tempdir().unwrap();
     let line = folder.path().join("line.bin");
     let (bytes, len) = frame.bytes();
     fs::write(&line, &bytes[..len]).unwrap();
     assert_eq!(sagnac(&["line", "read", text(&line)]).0, 2);
-    assert_eq!(sagnac(&["line", "read", text(&line), "--tick-us", "nan"]).0, 2);
+}
+
+/// Three calibrations, each of one axis, in one export: every image has its name, and an axis comes once.
+#[test]
+fn three_axes_are_one_export() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = Image::decode(&fs::read(paper()).unwrap()).unwrap();
+    let axis = |letter: u8| {
+        let of_axis = Image::new(Description { axis: letter, ..*image.description() }).unwrap();
+        let path = folder.path().join(format!("{}.img", char::from(letter)));
+        fs::write(&path, sagnac::export::image_bytes(&of_axis)).unwrap();
+        path
+    };
+    let [x, y, z] = [b'x', b'y', b'z'].map(axis);
+    let out = folder.path().join("c");
+    let (status, _, said) = sagnac(&["export", text(&x), text(&y), text(&z), "--to", "c", "-o", text(&out)]);
+    assert_eq!(status, 0, "{said}");
+    let header = fs::read_to_string(out.join("sagnac_unit.h")).unwrap();
+    assert!(
+        header.contains("#define SAGNAC_UNIT_AXES 3U")
+            && header.contains("{&sagnac_image_x, &sagnac_image_y, &sagnac_image_z}"),
+        "{header}"
+    );
+    let (status, _, said) = sagnac(&["export", text(&x), text(&x), "--to", "c", "-o", text(&out)]);
+    assert!(status == 2 && said.contains("another input has this axis"), "{said}");
+    // Uploads: a file each, and each frame is for its axis.
+    let up = folder.path().join("unit.up");
+    assert_eq!(sagnac(&["export", text(&x), text(&z), "--to", "upload", "-o", text(&up)]).0, 0);
+    for (letter, code) in [("x", 1), ("z", 3)] {
+        let bytes = fs::read(folder.path().join(format!("unit-{letter}.up"))).unwrap();
+        let mut reader = FrameReader::new();
+        let frames: Vec<Frame> = bytes.iter().filter_map(|byte| reader.push(*byte)).collect();
+        assert!(frames.len() > 2 && frames.iter().all(|frame| frame.axis == code), "{letter}");
+    }
 }

@@ -144,6 +144,10 @@ impl State {
         state
     }
 
+    pub(crate) const fn inputs(&self) -> &[InputState; MAX_INPUTS] {
+        &self.inputs
+    }
+
     /// Ticks that may run before the next slow update; 0: it is due now.
     pub const fn ticks_to_update(&self) -> u32 {
         self.ticks_to_update

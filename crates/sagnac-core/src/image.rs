@@ -120,7 +120,7 @@ impl Term {
     };
 
     /// The largest value the term can reach, in Q40, rounded up.
-    const fn bound_q40(&self) -> i64 {
+    pub(crate) const fn bound_q40(&self) -> i64 {
         ((self.mantissa as i64).abs() << 31 >> self.shift) + 1
     }
 }

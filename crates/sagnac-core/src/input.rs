@@ -178,7 +178,7 @@ impl InputSpec {
     };
 
     /// How far from an older value a value may lie after some updates without one, 2⁻²⁴ °C.
-    fn reach_q24(&self, updates: u32) -> u32 {
+    pub(crate) fn reach_q24(&self, updates: u32) -> u32 {
         let step = u64::from(self.largest_step_q8);
         let grown = if self.step_growth > 0 { u64::from(updates.min(MOST_GROWTH)) * step } else { 0 };
         let reach = (step << 16) + (grown << u32::from(self.step_growth & 31));

@@ -45,6 +45,7 @@ pub mod bytes;
 mod checksum;
 mod codec;
 mod compensator;
+mod error_bound;
 mod harmonic;
 mod image;
 mod input;
@@ -61,6 +62,7 @@ pub use bank::{
 };
 pub use codec::{DecodeError, FORMAT_MINOR, FORMAT_VERSION, MAGIC, MAX_IMAGE_LEN};
 pub use compensator::{Compensator, MAX_RAW, Misuse, Output, State};
+pub use error_bound::{ErrorBound, UNBOUNDED};
 pub use harmonic::MAX_TURNS_Q18;
 pub use image::{
     Description, Image, ImageError, Kind, MAX_INCREMENT, MAX_INPUTS, MAX_SCALE, MAX_TERMS, Multiplier, Shape, Term,

@@ -70,6 +70,11 @@ impl Status {
         self.0
     }
 
+    /// Both.
+    pub(crate) const fn with(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
     /// The status with these raw bits, including bits that this code does not know.
     pub const fn from_bits(bits: u16) -> Self {
         Self(bits)

@@ -297,7 +297,12 @@ pub extern "C" fn sagnac_hardware_everything(input: &[u8; TABLE_LEN], gyro: &Gyr
     let Some(banks) = Banks::new(black_box(MemoryFlash::new()), 0, black_box(MemoryFlash::BANK)) else { return -1 };
     let Ok(table) = LoopTable::decode(black_box(input)) else { return -2 };
     let Ok((mut line, loaded)) = Line::power_on(Unknown, banks, *gyro, Keyed, 0) else { return -3 };
-    let setup = BoardSetup { loops: table, stripper: Some(Stripper::new(50, 1000)), watch: black_box(None) };
+    let setup = BoardSetup {
+        loops: table,
+        stripper: Some(Stripper::new(50, 1000)),
+        watch: black_box(None),
+        frame_ticks: black_box(10),
+    };
     let board = Board::new(StartCause::PowerOn, loaded.image, loaded.origin, &setup, (false, false));
     let mut axis = Axis::new(board, Unknown, Unknown, Unknown);
     black_box(axis.converters().sample());

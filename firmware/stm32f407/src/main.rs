@@ -26,7 +26,7 @@ use cortex_m::interrupt::{Mutex, free};
 use cortex_m::peripheral::{NVIC, SCB};
 use cortex_m_rt::{entry, exception};
 use heapless::Deque;
-use sagnac_board::{Axis, Board, BoardSetup, Line, OutputFrame, StartCause};
+use sagnac_board::{Axis, Board, BoardSetup, FRAME_TICKS, Line, OutputFrame, StartCause};
 use sagnac_core::{Banks, NoKey};
 use stm32f4::stm32f407::{IWDG, Interrupt, Peripherals, RTC, TIM4, interrupt};
 
@@ -136,7 +136,7 @@ fn power_on() -> Option<(BoardLine, BoardSetup, IWDG, RTC)> {
     start_watchdog(&parts.IWDG);
     let (cause, resets) = how_it_began(&parts);
     clocks::start(&parts.RCC, &parts.FLASH, &parts.PWR)?;
-    let setup = BoardSetup { loops: flash::loops()?, stripper: None, watch: None };
+    let setup = BoardSetup { loops: flash::loops()?, stripper: None, watch: None, frame_ticks: FRAME_TICKS };
     let port = Serial::start(&parts.RCC, &parts.GPIOA, parts.USART2, parts.DMA1);
     let banks = Banks::new(Internal::new(parts.FLASH), 0, flash::BANK)?;
     let (line, loaded) = Line::power_on(port, banks, identity::gyro(), NoKey, resets).ok()?;

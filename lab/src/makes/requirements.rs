@@ -17,7 +17,7 @@ use crate::places::TRACEABILITY;
 
 const ID: &str = "SAG-CORE-";
 /// Requirements that the hardware leaves to the processor next to it, and why.
-const NOT_IN_HARDWARE: [(&str, &str); 8] = [
+const NOT_IN_HARDWARE: [(&str, &str); 9] = [
     ("SAG-CORE-019", "the processor that sends the image"),
     ("SAG-CORE-021", "no flash"),
     ("SAG-CORE-022", "no flash"),
@@ -26,6 +26,7 @@ const NOT_IN_HARDWARE: [(&str, &str); 8] = [
     ("SAG-CORE-027", "none: block RAM with ECC, or the device's own scrubbing"),
     ("SAG-CORE-029", "no flash"),
     ("SAG-CORE-030", "no flash"),
+    ("SAG-CORE-031", "the processor that gives the codes"),
 ];
 
 const HEAD: &str = "# Requirements and where they are met

@@ -6,7 +6,8 @@
 //! gets its code: `compensate` on the log then makes of each row what the target made of it. Where no frame follows, the row has its own frame's code.
 
 use sagnac_board::frame::FrameReader;
-use sagnac_board::{FRAME_TICKS, Message, OutputFrame, POWER_ON, Reply};
+use sagnac_board::{Message, OutputFrame, POWER_ON, Reply};
+use sagnac_core::UNBOUNDED;
 use sagnac_log::ingest::Content;
 use sagnac_log::setup::{Setup, ThermometerSetup};
 use sagnac_log::{Error, Result};
@@ -14,7 +15,8 @@ use sagnac_log::{Error, Result};
 use crate::decode::clock::{ClockReport, RowClock};
 use crate::decode::rows_made::Rows;
 use crate::serial_line::{
-    OutputClock, image_words, intensity_words, is_piece_done, path_length_words, reply_words, status_words,
+    OutputClock, arcsec, axis_letter, image_words, intensity_words, is_piece_done, path_length_words, reply_words,
+    status_words,
 };
 
 /// A source of frames.
@@ -22,7 +24,9 @@ pub(crate) struct Frames {
     reader: FrameReader,
     output: OutputClock,
     clock: RowClock,
-    tick_ns: i64,
+    /// The axis of the setup; frames of another one are not its rows.
+    axis: u8,
+    others_said: bool,
     thermometer: Option<(f64, f64)>,
     skipped: u64,
     /// The newest row, and the ticks at its end.
@@ -56,14 +60,15 @@ impl Frames {
             let name = if first.name.is_empty() { String::new() } else { format!("_{}", first.name) };
             columns.push((format!("temperature_c{name}"), Content::Number));
         }
+        columns.extend(["target_angle_arcsec", "target_error_dph"].map(|name| (name.to_owned(), Content::Number)));
         let numbers = ["target_counts", "sequence", "actuator_code", "current_code", "lost_steps"];
         columns.extend(numbers.map(|name| (name.to_owned(), Content::Number)));
         let words = ["target_status", "path_length_status", "intensity_status", "image"];
         columns.extend(words.map(|name| (name.to_owned(), Content::Text)));
         rows.begin(columns, false);
-        let tick_ns = setup.clock().tick_ns();
+        let axis = u8::try_from(axis).unwrap_or_default();
         let (reader, output, clock) = (FrameReader::new(), OutputClock::default(), RowClock::default());
-        Ok(Self { reader, output, clock, tick_ns, thermometer, skipped: 0, waiting: None })
+        Ok(Self { reader, output, clock, axis, others_said: false, thermometer, skipped: 0, waiting: None })
     }
 
     pub(crate) fn connected(&mut self, rows: &mut Rows) {
@@ -77,7 +82,13 @@ impl Frames {
         for byte in bytes {
             let mut frame = self.reader.push(*byte);
             while let Some(bytes) = frame {
-                match Message::parse(&bytes) {
+                let is_own = bytes.is_for(self.axis);
+                if !is_own && !self.others_said {
+                    self.others_said = true;
+                    let (theirs, own) = (axis_letter(&bytes), char::from(self.axis));
+                    rows.say(at_ns, format!("the line has frames of axis {theirs}; the setup records axis {own}"));
+                }
+                match Message::parse(&bytes).filter(|_| is_own) {
                     Some(Message::Output(output)) => self.output(&output, at_ns, rows),
                     Some(Message::Reply(reply)) => self.reply(&reply, at_ns, rows),
                     _ => {}
@@ -105,13 +116,13 @@ impl Frames {
         self.output.follow(output);
         rows.counts.missing_frames = self.output.missing;
         let ticks = i64::try_from(self.output.ticks).unwrap_or(i64::MAX);
-        let (time_ns, anew) = self.clock.at(ticks.saturating_mul(self.tick_ns), at_ns);
+        let (time_ns, anew) = self.clock.at(ticks.saturating_mul(output.tick_ns.into()), at_ns);
         if anew {
             rows.say(at_ns, "the gyro was switched off and on: its times go on by arrival");
         }
         let ticks = self.output.ticks;
         if let Some(waiting) = self.waiting.take() {
-            let follows = ticks.checked_sub(waiting.ticks).is_some_and(|since| since == u64::from(FRAME_TICKS));
+            let follows = ticks.checked_sub(waiting.ticks).is_some_and(|since| since == u64::from(output.frame_ticks));
             let code = if follows { output.temperature } else { waiting.output.temperature };
             self.row(&waiting, code, rows);
         }
@@ -132,6 +143,11 @@ impl Frames {
             let celsius = code.map(|code| offset_c + gain_c * f64::from(code));
             cells.push(celsius.map_or(String::new(), |celsius| celsius.to_string()));
         }
+        cells.push(arcsec(output.angle_nano_arcsec));
+        cells.push(match output.error_milli_dph {
+            UNBOUNDED => String::new(),
+            milli => (f64::from(milli) * 1e-3).to_string(),
+        });
         let numbers = [output.counts, i32::from(output.sequence), output.actuator, output.current];
         cells.extend(numbers.map(|number| number.to_string()));
         cells.push(output.lost_steps.to_string());

@@ -1,6 +1,6 @@
 //! The paper's image and the loops of a mirror, as the vectors have them.
 
-use sagnac_board::BoardSetup;
+use sagnac_board::{BoardSetup, FRAME_TICKS};
 use sagnac_loops::{LoopTable, Stripper};
 
 pub(crate) const PAPER: &[u8] = include_bytes!("../../../../testdata/image/paper.img");
@@ -10,7 +10,7 @@ pub(crate) fn loops() -> LoopTable {
 }
 
 pub(crate) fn setup(stripper: Option<Stripper>) -> BoardSetup {
-    BoardSetup { loops: loops(), stripper, watch: None }
+    BoardSetup { loops: loops(), stripper, watch: None, frame_ticks: FRAME_TICKS }
 }
 
 pub(crate) fn loops_of(vectors: &str) -> LoopTable {

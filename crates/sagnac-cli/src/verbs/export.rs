@@ -13,7 +13,7 @@ use sagnac_core::{Image, SignatureBlock};
 use sagnac_log::ingest::{hex, sha256};
 use sagnac_log::write::write_bytes;
 use sagnac_loops::{LoopTable, TABLE_MAGIC};
-use sagnac_ports::{Part, TextFile, c_files, verilog_files};
+use sagnac_ports::{FixedBias, Part, TextFile, c_files, verilog_files};
 use sagnac_sim::LoopDesign;
 
 use crate::args::signature::SignArgs;
@@ -35,6 +35,7 @@ Examples:
 Examples:
   sagnac export unit.cal.json --to image -o unit.img        (three axes: unit-x.img, unit-y.img, unit-z.img)
   sagnac export unit.cal.json --to c -o src/sagnac --loops gyro.toml
+  sagnac export x.cal.json y.cal.json z.cal.json --to c -o src/sagnac
   sagnac export unit.img --to verilog -o rtl
   sagnac export unit.cal.json --to upload --sequence 2 --trial -o /dev/ttyUSB0
   sagnac export unit.cal.json --to image --sign factory.key --model RLG-28 --counter 12 -o unit.img
@@ -42,9 +43,9 @@ Examples:
   sagnac export gyro.toml --to loops -o gyro.loops"
 )]
 pub(crate) struct Args {
-    /// Calibration, flash image or reference vectors; for `--to loops`, the scenario with the loops
-    #[arg(value_name = "INPUT")]
-    input: PathBuf,
+    /// Calibrations, flash images or reference vectors, each axis once; for `--to loops`, the scenario with the loops
+    #[arg(value_name = "INPUT", required = true)]
+    inputs: Vec<PathBuf>,
     /// Form of the output
     #[arg(long, value_enum)]
     to: Target,
@@ -116,25 +117,29 @@ impl Verb for Args {
             Target::DataSheet => data_sheets(self, console),
             Target::Loops => {
                 files(self).writes([&self.output]).check()?;
-                let table = loops_of(&self.input)?.encode();
+                let [input] = self.inputs.as_slice() else {
+                    return Err(Error::input("one gyro has one table of loops", "give one scenario or table"));
+                };
+                let table = loops_of(input)?.encode();
                 wrote(&self.output, &table, console)
             }
             Target::C => {
-                let images = images(self)?;
+                let axes = axes(self)?;
                 let parts: Vec<Part> = self.with.iter().map(|part| part.of_ports()).collect();
-                let removed_dph = removed_dph(&self.input)?;
-                let files = c_files(&images, removed_dph.as_deref(), table(self, &images)?.as_ref(), &parts);
+                let table = table(self, &axes)?;
+                let axes: Vec<_> = axes.iter().map(|axis| (axis.image, axis.bias)).collect();
+                let files = c_files(&axes, table.as_ref(), &parts);
                 folders(self, &[(self.output.clone(), files)], console)
             }
             Target::Verilog => {
-                let images = images(self)?;
-                let table = table(self, &images)?;
-                let exports: Vec<_> = images
+                let axes = axes(self)?;
+                let table = table(self, &axes)?;
+                let exports: Vec<_> = axes
                     .iter()
-                    .map(|image| {
-                        let axis = path_letter(char::from(image.description().axis));
-                        let path = if images.len() == 1 { self.output.clone() } else { self.output.join(axis) };
-                        (path, verilog_files(image, table.as_ref()))
+                    .map(|axis| {
+                        let letter = path_letter(char::from(axis.image.description().axis));
+                        let path = if axes.len() == 1 { self.output.clone() } else { self.output.join(letter) };
+                        (path, verilog_files(&axis.image, table.as_ref()))
                     })
                     .collect();
                 folders(self, &exports, console)
@@ -145,7 +150,7 @@ impl Verb for Args {
 
 /// What every export reads.
 fn files(args: &Args) -> Files {
-    Files::new().reads([&args.input]).reads(&args.loops).reads(&args.signature.sign)
+    Files::new().reads(&args.inputs).reads(&args.loops).reads(&args.signature.sign)
 }
 
 /// Writes the sources, after a look at all of their names.
@@ -210,16 +215,16 @@ impl Target {
 
 fn per_axis(args: &Args, console: &mut Console) -> Ran {
     // All images first: a failure of the second axis leaves the first axis' old file.
-    let images = images(args)?;
-    let signed_before = signed_before(args)?;
-    let path_of = |image: &Image| path_of(args, &images, image);
-    files(args).writes(images.iter().map(path_of)).check()?;
-    for image in &images {
-        let path = path_of(image);
+    let axes = axes(args)?;
+    let path_of = |axis: &UnitAxis| path_of(args, axes.len(), &axis.image);
+    files(args).writes(axes.iter().map(path_of)).check()?;
+    for axis in &axes {
+        let (path, image) = (path_of(axis), &axis.image);
         let mut bytes = image_bytes(image);
-        let block = args.signature.block_of(&bytes)?.or(signed_before);
+        let block = args.signature.block_of(&bytes)?.or(axis.signed_before);
         bytes.extend(block.iter().flat_map(|block| block.encode()));
-        let bytes = if args.to == Target::Upload { upload(&bytes, args.trial)? } else { bytes };
+        let bytes =
+            if args.to == Target::Upload { upload(&bytes, image.description().axis, args.trial)? } else { bytes };
         wrote(&path, &bytes, console)?;
     }
     say_codes(args, console)?;
@@ -228,26 +233,31 @@ fn per_axis(args: &Args, console: &mut Console) -> Ran {
 
 /// A sheet for each axis; only a calibration has an error budget.
 fn data_sheets(args: &Args, console: &mut Console) -> Ran {
-    if !matches!(loading::kind_of(&args.input)?, FileKind::Calibration) {
-        return Err(Error::input(
-            "a data sheet needs a calibration, and this is an image",
-            "give the calibration of this image",
-        )
-        .file(args.input.display().to_string()));
+    for input in &args.inputs {
+        if !matches!(loading::kind_of(input)?, FileKind::Calibration) {
+            return Err(Error::input(
+                "a data sheet needs a calibration, and this is an image",
+                "give the calibration of this image",
+            )
+            .file(input.display().to_string()));
+        }
     }
-    let calibration = calibration(&args.input)?;
-    let images = encode_all(&calibration, args.sequence)?;
-    let path_of = |image: &Image| path_of(args, &images, image);
-    files(args).writes(images.iter().map(path_of)).check()?;
-    for (axis, image) in calibration.axes.iter().zip(&images) {
-        wrote(&path_of(image), data_sheet(&calibration, axis, image).as_bytes(), console)?;
+    let axes = axes(args)?;
+    let path_of = |axis: &UnitAxis| path_of(args, axes.len(), &axis.image);
+    files(args).writes(axes.iter().map(path_of)).check()?;
+    let mut all = axes.iter();
+    for input in &args.inputs {
+        let calibration = calibration(input)?;
+        for (record, axis) in calibration.axes.iter().zip(&mut all) {
+            wrote(&path_of(axis), data_sheet(&calibration, record, &axis.image).as_bytes(), console)?;
+        }
     }
     Ok(Outcome::Done)
 }
 
 /// The output, or one for each axis.
-fn path_of(args: &Args, images: &[Image], image: &Image) -> PathBuf {
-    match images.len() {
+fn path_of(args: &Args, axes: usize, image: &Image) -> PathBuf {
+    match axes {
         1 => args.output.clone(),
         _ => path_of_axis(&args.output, char::from(image.description().axis)),
     }
@@ -255,10 +265,14 @@ fn path_of(args: &Args, images: &[Image], image: &Image) -> PathBuf {
 
 /// What the target gives the image at each slow update, where it is more than one thermometer's code.
 fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
-    if !matches!(loading::kind_of(&args.input)?, FileKind::Calibration) {
+    args.inputs.iter().try_for_each(|input| say_codes_of(input, console))
+}
+
+fn say_codes_of(input: &Path, console: &mut Console) -> Result<()> {
+    if !matches!(loading::kind_of(input)?, FileKind::Calibration) {
         return Ok(());
     }
-    let calibration = loading::calibration(&args.input)?;
+    let calibration = loading::calibration(input)?;
     for axis in calibration.axes.iter().filter(|axis| !axis.other_inputs().is_empty()) {
         let rows = codes(axis).into_iter().enumerate().map(|(at, code)| {
             let fed = code.per_code.map_or("none: made on the target".to_owned(), |per_code| {
@@ -281,51 +295,71 @@ fn say_codes(args: &Args, console: &mut Console) -> Result<()> {
     Ok(())
 }
 
-/// The signature of an image that is exported again: it stays, for the image does.
-fn signed_before(args: &Args) -> Result<Option<SignatureBlock>> {
-    let FileKind::Image = loading::kind_of(&args.input)? else { return Ok(None) };
-    let block = loading::signed_image(&args.input)?.2;
-    match (&block, &args.signature.sign) {
-        (Some(_), Some(_)) => Err(Error::input(
-            "the image is signed already",
-            "sign the calibration's own export: sagnac export unit.cal.json --sign KEY",
-        )
-        .file(args.input.display().to_string())),
-        _ => Ok(block),
-    }
+/// One axis of the export.
+struct UnitAxis {
+    image: Image,
+    bias: FixedBias,
+    /// The signature of an image that is exported again: it stays, for the image does.
+    signed_before: Option<SignatureBlock>,
 }
 
-/// The pieces of an image and the word to commit it.
-fn upload(image: &[u8], trial: bool) -> Result<Vec<u8>> {
+/// The pieces of an image and the word to commit it, to the gyro of its axis.
+fn upload(image: &[u8], axis: u8, trial: bool) -> Result<Vec<u8>> {
     let commit = Message::Commit(Commit { len: image.len() as u16, trial });
-    let frames: Result<Vec<_>> = Message::pieces(image).chain([commit]).map(|message| frame_bytes(&message)).collect();
+    let frames: Result<Vec<_>> =
+        Message::pieces(image).chain([commit]).map(|message| frame_bytes(&message, axis)).collect();
     Ok(frames?.concat())
 }
 
-/// The images of a calibration, or the one that a file is.
-fn images(args: &Args) -> Result<Vec<Image>> {
-    match loading::kind_of(&args.input)? {
+/// The axes of all inputs, in their order.
+fn axes(args: &Args) -> Result<Vec<UnitAxis>> {
+    let mut all: Vec<UnitAxis> = Vec::new();
+    for input in &args.inputs {
+        for axis in axes_of(args, input)? {
+            let letter = axis.image.description().axis;
+            if all.iter().any(|before| before.image.description().axis == letter) {
+                return Err(Error::input("another input has this axis", "give each axis once")
+                    .file(input.display().to_string())
+                    .value(char::from(letter).to_string()));
+            }
+            all.push(axis);
+        }
+    }
+    Ok(all)
+}
+
+/// The axes of a calibration, or the one of an image.
+fn axes_of(args: &Args, input: &Path) -> Result<Vec<UnitAxis>> {
+    let named = |e: Error| e.file(input.display().to_string());
+    match loading::kind_of(input)? {
         FileKind::Image if args.sequence.is_some() => {
             Err(Error::input("an image has a sequence number already", "export the calibration again with --sequence")
                 .column("--sequence"))
         }
-        FileKind::Image => Ok(vec![loading::image(&args.input)?]),
-        FileKind::Log if args.input.extension().is_some_and(|extension| extension == "hex") => {
-            let bytes = table_or_vectors(&args.input)?;
-            let refused = |e: sagnac_core::DecodeError| {
-                Error::input(e.to_string(), "copy the vectors again from their source")
-                    .file(args.input.display().to_string())
-            };
-            Ok(vec![Image::decode(&bytes).map_err(refused)?])
+        FileKind::Image => {
+            let (image, signed_before) = (loading::image(input)?, loading::signed_image(input)?.2);
+            if signed_before.is_some() && args.signature.sign.is_some() {
+                return Err(named(Error::input(
+                    "the image is signed already",
+                    "sign the calibration's own export: sagnac export unit.cal.json --sign KEY",
+                )));
+            }
+            Ok(vec![UnitAxis { image, bias: FixedBias::Unknown, signed_before }])
         }
-        _ => encode_all(&calibration(&args.input)?, args.sequence),
+        FileKind::Log if input.extension().is_some_and(|extension| extension == "hex") => {
+            let refused = |e: sagnac_core::DecodeError| {
+                named(Error::input(e.to_string(), "copy the vectors again from their source"))
+            };
+            let image = Image::decode(&table_or_vectors(input)?).map_err(refused)?;
+            Ok(vec![UnitAxis { image, bias: FixedBias::Unknown, signed_before: None }])
+        }
+        _ => {
+            let calibration = calibration(input)?;
+            let biases = calibration.removed_dph().into_iter().map(FixedBias::of);
+            let images = encode_all(&calibration, args.sequence)?.into_iter();
+            Ok(images.zip(biases).map(|(image, bias)| UnitAxis { image, bias, signed_before: None }).collect())
+        }
     }
-}
-
-/// Of each axis the fixed bias that its correction takes out; an image does not show it.
-fn removed_dph(input: &Path) -> Result<Option<Vec<Option<f64>>>> {
-    let is_calibration = matches!(loading::kind_of(input)?, FileKind::Calibration);
-    is_calibration.then(|| Ok(loading::calibration(input)?.removed_dph())).transpose()
 }
 
 fn encode_all(calibration: &Calibration, sequence: Option<u32>) -> Result<Vec<Image>> {
@@ -347,10 +381,10 @@ fn calibration(path: &Path) -> Result<Calibration> {
 }
 
 /// The loops, for the same tick as the images.
-fn table(args: &Args, images: &[Image]) -> Result<Option<LoopTable>> {
+fn table(args: &Args, axes: &[UnitAxis]) -> Result<Option<LoopTable>> {
     let Some(path) = args.loops.as_deref() else { return Ok(None) };
     let table = loops_of(path)?;
-    match images.iter().find(|image| image.description().tick_ns != table.tick_ns) {
+    match axes.iter().map(|axis| &axis.image).find(|image| image.description().tick_ns != table.tick_ns) {
         None => Ok(Some(table)),
         Some(image) => Err(Error::input(
             format!(

@@ -36,6 +36,8 @@ struct Shared {
     next: Option<Row>,
     /// Number of interrupts without a row or without room in the buffer.
     idle: u32,
+    /// The axis letter of this gyro.
+    axis: u8,
 }
 
 /// A buffer of bytes.
@@ -100,14 +102,14 @@ fn SysTick() {
         if shared.ticks.ticks_left() == 0 || shared.out.held + 128 > ROOM {
             shared.idle = shared.idle.wrapping_add(1);
         } else if let Some(output) = shared.ticks.tick() {
-            send(&mut shared.out, Message::Output(output));
+            send(&mut shared.out, Message::Output(output), shared.axis);
         }
     });
 }
 
-fn send(out: &mut Ring<ROOM>, message: Message) {
+fn send(out: &mut Ring<ROOM>, message: Message, axis: u8) {
     if let Some(frame) = message.frame() {
-        let (bytes, len) = frame.bytes();
+        let (bytes, len) = frame.of_axis(axis).bytes();
         out.push(bytes.get(..len).unwrap_or(&[]));
     }
 }
@@ -155,10 +157,10 @@ fn power_on() -> Option<&'static mut Handler> {
     let handler = handler()?;
     let (ticks, reply) = handler.power_on(RigSettings::default());
     let mut out = Ring::new();
-    send(&mut out, Message::Reply(reply));
+    send(&mut out, Message::Reply(reply), handler.axis());
     free(|cs| {
         if let Ok(mut slot) = SHARED.borrow(cs).try_borrow_mut() {
-            *slot = Some(Shared { ticks, out, heard: Ring::new(), next: None, idle: 0 });
+            *slot = Some(Shared { ticks, out, heard: Ring::new(), next: None, idle: 0, axis: handler.axis() });
         }
     });
     Some(handler)
@@ -205,13 +207,13 @@ fn run(action: Action) {
                 if let Some(loaded) = loaded {
                     shared.ticks.use_loaded(&loaded);
                 }
-                send(&mut shared.out, message);
+                send(&mut shared.out, message, shared.axis);
             });
         }
         Action::PowerOn(ticks, reply) => {
             shared(|shared| {
                 shared.ticks = ticks;
-                send(&mut shared.out, Message::Reply(reply));
+                send(&mut shared.out, Message::Reply(reply), shared.axis);
             });
         }
         Action::Stop => {

@@ -12,7 +12,7 @@ use core::hint::black_box;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
-use sagnac_board::{ActuatorCodes, Board, BoardSetup, Rig, RigSettings, Row, StartCause};
+use sagnac_board::{ActuatorCodes, Board, BoardSetup, FRAME_TICKS, Rig, RigSettings, Row, StartCause};
 use sagnac_core::{Compensator, Description, Image, MAX_IMAGE_LEN, Origin, Output, SlowUpdate, State, Status};
 use sagnac_firmware::{finish, host_file, say, stack, unit_loops};
 use sagnac_loops::Stripper;
@@ -71,7 +71,7 @@ fn main() -> ! {
     let _ = gyro.skip(&mut state, slew_ticks);
     let plain = tick_instructions(&gyro, &state, image.description().period_ticks - slew_ticks, 37);
 
-    let setup = BoardSetup { loops, stripper: Some(Stripper::new(50, 1 << 23)), watch: None };
+    let setup = BoardSetup { loops, stripper: Some(Stripper::new(50, 1 << 23)), watch: None, frame_ticks: FRAME_TICKS };
     let mut board = Board::new(StartCause::PowerOn, image, Origin::Newest, &setup, Rig::LEVELS);
     let mut rig = Rig::new(RigSettings { wavelength: 100_000, lamp_gain: 1 << 16, ..RigSettings::default() });
     rig.start_row(Row { ticks: u32::MAX, counts: 0, present: 1, codes: [20 << 24; 4] });

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use sagnac_board::{ActuatorCodes, Board, BoardSetup, Message, Sample, StartCause, WatchSetup};
+use sagnac_board::{ActuatorCodes, Board, BoardSetup, FRAME_TICKS, Message, Sample, StartCause, WatchSetup};
 use sagnac_core::{BankReport, Description, Image, Loaded, Origin, Status, WatchSpec};
 use sagnac_loops::Stripper;
 
@@ -53,6 +53,8 @@ fn loaded(dice: &mut Dice, images: &[Vec<u8>], bytes: &mut Vec<u8>) -> Result<Lo
     let own = Image::decode(&images[dice.below(images.len() as u32) as usize])?;
     // A number of its own, or the same once more.
     let mut description = Description { sequence: 1 + dice.below(2), ..*own.description() };
+    // No whole number of the unit of a frame's angle.
+    description.scale_factor_femto_arcsec += 1;
     if dice.below(4) == 0 {
         // Fewer ticks between two updates than an update has slices.
         (description.period_ticks, description.slew_ticks) = (1 + dice.below(20), 0);
@@ -89,7 +91,9 @@ fn one_board(seed: u32, images: &[Vec<u8>], bytes: &mut Vec<u8>, seen: &mut Stat
     let start = if is_reset { StartCause::Reset { since_power_on_s } } else { StartCause::PowerOn };
     let stripper = strips.then(|| Stripper::new(longest, least));
     let watch = watches.then_some(WatchSetup { spec, heats });
-    let setup = BoardSetup { loops: loops()?, stripper, watch };
+    let frame_ticks = [FRAME_TICKS, 0, 1, 250][dice.below(4) as usize];
+    bytes.extend(frame_ticks.to_le_bytes());
+    let setup = BoardSetup { loops: loops()?, stripper, watch, frame_ticks };
     let mut board = Board::new(start, first.image, first.origin, &setup, levels(0));
     board.use_loaded(&first);
     let mut quarter = 0;
@@ -172,7 +176,11 @@ fn run(
         let (ActuatorCodes { actuator, modulation, current }, frame) = board.tick(path.into_iter(), &sample);
         if let Some(output) = frame {
             *seen |= output.status;
-            let (frame, length) = Message::Output(output).frame().context("a frame fits")?.bytes();
+            let (frame, length) = Message::Output(output)
+                .frame()
+                .context("a frame fits")?
+                .of_axis(board.image().description().axis)
+                .bytes();
             frame[..length].iter().for_each(|byte| mix((*byte).into()));
         }
         [actuator, modulation, current].into_iter().for_each(|code| mix(code.cast_unsigned()));

@@ -74,7 +74,7 @@ fn no_other_types(folder: &Path) -> Result<()> {
 
 /// Accepted findings of cppcheck's MISRA add-on: rule and count. docs/explanation/on-target.md gives the reasons.
 const JUSTIFIED: [(&str, usize); 4] =
-    [("misra-c2012-2.5", 5), ("misra-c2012-8.7", 2), ("misra-c2012-9.3", 2), ("misra-c2012-11.5", 1)];
+    [("misra-c2012-2.5", 7), ("misra-c2012-8.7", 2), ("misra-c2012-9.3", 2), ("misra-c2012-11.5", 1)];
 
 fn misra(folder: &Path) -> Result<()> {
     let args = ["--addon=misra", "--enable=style,warning,portability", "--std=c99", "-q", "--template={id}"];

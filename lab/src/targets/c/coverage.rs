@@ -74,9 +74,16 @@ fn run_everything(folder: &Path, here: &Path, given: &Given) -> Result<()> {
     let objects: Vec<String> = MODULES.iter().map(|module| module.replace(".c", ".o")).collect();
     let objects: Vec<&str> = objects.iter().map(String::as_str).collect();
     let include = format!("-I{}", text(folder)?);
-    for program in
-        ["check_vectors", "check_loader", "check_watch", "check_banks", "check_board", "check_edges", "check_line"]
-    {
+    for program in [
+        "check_vectors",
+        "check_loader",
+        "check_watch",
+        "check_bound",
+        "check_banks",
+        "check_board",
+        "check_edges",
+        "check_line",
+    ] {
         let source = root().join("firmware/c").join(program).with_extension("c");
         let own = ["-std=c99", "-O1", "-DWITH_KEY", &include, text(&source)?, "-o", program, "--coverage"];
         stdout_of(300, "gcc", &[&own[..], &objects, &["-lsodium"]].concat(), here)?;
@@ -88,6 +95,7 @@ fn run_everything(folder: &Path, here: &Path, given: &Given) -> Result<()> {
     for (program, records) in [
         ("check_loader", &given.verdicts),
         ("check_watch", &given.watches),
+        ("check_bound", &given.bounds),
         ("check_banks", &given.banks),
         ("check_board", &given.boards),
     ] {

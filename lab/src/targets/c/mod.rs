@@ -10,6 +10,7 @@ mod banks;
 mod board;
 mod checks;
 mod coverage;
+mod kit;
 mod line;
 mod records;
 mod target;
@@ -18,7 +19,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, ensure};
-use sagnac_ports::{Part, c_files};
+use sagnac_ports::{FixedBias, Part, c_files};
 use xtask::debian::{self, need};
 use xtask::shell::{output, root, stdout_of, text};
 
@@ -27,10 +28,11 @@ use crate::targets::vector_files::{Spoiled, files, image, loops, spoiled, write}
 const STRICT: [&str; 9] =
     ["-std=c99", "-O2", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow", "-Werror"];
 /// The modules, in the order of their layers.
-const MODULES: [&str; 15] = [
+const MODULES: [&str; 16] = [
     "sagnac_integer.c",
     "sagnac_hash.c",
     "sagnac_compensator.c",
+    "sagnac_error_bound.c",
     "sagnac_upset.c",
     "sagnac_watch.c",
     "sagnac_quadrature.c",
@@ -74,11 +76,12 @@ const MACHINES: [Machine; 3] = [
 pub(crate) fn c() -> Result<()> {
     need(debian::C)?;
     let folder = root().join("target/c");
-    write(&folder, &c_files(&[image("compensator-full")?], None, Some(&loops()?), &Part::ALL))?;
+    write(&folder, &c_files(&[(image("compensator-full")?, FixedBias::Unknown)], Some(&loops()?), &Part::ALL))?;
     checks::all(&folder)?;
     let given = Given {
         verdicts: records::verdicts(&folder)?,
         watches: records::watches(&folder)?,
+        bounds: records::bounds(&folder)?,
         banks: banks::records(&folder, 200)?,
         lines: line::sessions(&folder, 120)?,
         keyed: line::keyed(&folder, 40)?,
@@ -88,6 +91,7 @@ pub(crate) fn c() -> Result<()> {
         machine.check(&folder, &given)?;
     }
     line::with_a_key(&MACHINES[0], &folder, &given.keyed)?;
+    kit::all(&folder)?;
     target::cortex_m(&folder)?;
     target::avr(&folder, &given)?;
     coverage::coverage(&folder, &given)?;
@@ -99,6 +103,7 @@ pub(crate) fn c() -> Result<()> {
 struct Given {
     verdicts: PathBuf,
     watches: PathBuf,
+    bounds: PathBuf,
     banks: PathBuf,
     lines: Vec<line::Session>,
     keyed: Vec<line::Session>,
@@ -150,6 +155,7 @@ impl Machine {
         for (program, records) in [
             ("check_loader", &given.verdicts),
             ("check_watch", &given.watches),
+            ("check_bound", &given.bounds),
             ("check_banks", &given.banks),
             ("check_board", &given.boards),
         ] {

@@ -1,13 +1,14 @@
 //! What the Rust crates say of changed images and of odd thermometers, as records that the C programs read.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Result, ensure};
-use sagnac_core::{Image, Watch, WatchSpec};
+use anyhow::{Context, Result, ensure};
+use sagnac_core::{Compensator, ErrorBound, Image, State, UNBOUNDED, Watch, WatchSpec};
 use sagnac_loops::LoopTable;
 
-use crate::targets::vector_files::table;
+use crate::targets::vector_files::{image, table};
 
 /// Changed images and tables with valid checksums: Rust and C must accept or refuse the same ones.
 pub(super) fn verdicts(folder: &Path) -> Result<PathBuf> {
@@ -107,4 +108,81 @@ pub(super) fn watches(folder: &Path) -> Result<PathBuf> {
     let file = folder.join("watch.bin");
     fs::write(&file, records)?;
     Ok(file)
+}
+
+/// Bounds of the error after random codes, for images with other limits, lags, ticks and scale factors; a third has no sample now and then.
+pub(super) fn bounds(folder: &Path) -> Result<PathBuf> {
+    let names =
+        ["compensator-full", "compensator-inputs", "compensator-lags", "compensator-harmonic", "compensator-warm-up"];
+    let images: Vec<Image> = names.iter().map(|name| image(name)).collect::<Result<_>>()?;
+    let mut dice = 7_u32;
+    let mut throw = move |n: u32| {
+        dice = dice.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        (dice >> 8) % n
+    };
+    let (mut bytes, mut unbounded, mut values) = (Vec::new(), 0, BTreeSet::new());
+    let mut number = 0;
+    while number < 3000 {
+        let mut d = *images[number % images.len()].description();
+        let seconds = [1_u32, 10, 1000][throw(3) as usize];
+        (d.tick_ns, d.scale_factor_femto_arcsec) = (100_000 * seconds, 1 << throw(62));
+        d.scale_factor_femto_arcsec += u64::from(throw(1 << 20));
+        for input in &mut d.inputs[..usize::from(d.input_count)] {
+            let has_code = input.source == sagnac_core::ValueSource::Code;
+            (input.largest_step_q8, input.step_growth) =
+                if has_code { (throw(3000) as u16, throw(17) as u8) } else { (0, 0) };
+            if input.largest_step_q8 == 0 {
+                input.step_growth = 0;
+            }
+            input.settling_updates = throw(200);
+            if input.lag.is_used() && throw(2) == 0 {
+                input.lag.alpha_shift = 31 + throw(10) as u8;
+                input.lag.rate_shift = throw(u32::from(input.lag.alpha_shift)) as u8;
+            }
+        }
+        if throw(2) == 0 {
+            let term = &mut d.terms[throw(d.term_count.into()) as usize];
+            (term.mantissa, term.shift) = (throw(1 << 24).cast_signed() << throw(8), 8 + throw(20) as u8);
+        }
+        // The bounds of all fields together refuse some.
+        let Ok(image) = Image::new(d) else { continue };
+        number += 1;
+        let mut encoded = vec![0; image.encoded_len()];
+        image.encode(&mut encoded).context("it fits its own length")?;
+        bytes.extend((encoded.len() as u16).to_le_bytes());
+        bytes.extend(encoded);
+        let (gyro, mut state, mut bound) = (Compensator::new(image), State::new(), ErrorBound::new());
+        let mut codes = code_in_span(&image);
+        for _ in 0..40 {
+            let present = if throw(3) == 0 { throw(16) } else { 15 };
+            for (at, code) in codes.iter_mut().enumerate() {
+                let by = throw(2001).cast_signed() - 1000;
+                *code = code.wrapping_add(if throw(30) == 0 { by << throw(18) } else { by });
+                bytes.extend(if at == 0 { vec![present as u8] } else { Vec::new() });
+                bytes.extend(code.to_le_bytes());
+            }
+            let shown: [Option<i32>; 4] = std::array::from_fn(|at| (present >> at & 1 == 1).then_some(codes[at]));
+            gyro.update(&mut state, &shown[..image.inputs().len()])?;
+            bound.update(&image, &state);
+            let ticks = state.ticks_to_update();
+            gyro.advance(&mut state, 0, ticks)?;
+            bytes.extend(bound.milli_dph().to_le_bytes());
+            unbounded += usize::from(bound.milli_dph() == UNBOUNDED);
+            values.insert(bound.milli_dph());
+        }
+    }
+    ensure!(unbounded > 1000 && values.len() > 1000, "{unbounded} without a bound, {} different ones", values.len());
+    let file = folder.join("bounds.bin");
+    fs::write(&file, bytes)?;
+    Ok(file)
+}
+
+/// Codes in the middle of their spans.
+fn code_in_span(image: &Image) -> [i32; 4] {
+    std::array::from_fn(|at| {
+        let Some(input) = image.inputs().get(at).filter(|input| input.gain.mantissa != 0) else { return 0 };
+        let middle_q24 = (i64::from(input.span_lo_q24) + i64::from(input.span_hi_q24)) / 2;
+        let per_code = f64::from(input.gain.mantissa) / 2_f64.powi(input.gain.shift.into());
+        ((middle_q24 - i64::from(input.offset_q24)) as f64 / per_code) as i32
+    })
 }

@@ -5,10 +5,12 @@ use std::path::PathBuf;
 
 use sagnac::{Error, Result};
 use sagnac_bench::serial_line::{
-    OutputClock, image_words, intensity_words, is_piece_done, path_length_words, reply_words, status_words,
+    OutputClock, arcsec, axis_letter, image_words, intensity_words, is_piece_done, path_length_words, reply_words,
+    status_words,
 };
-use sagnac_board::frame::FrameReader;
+use sagnac_board::frame::{Frame, FrameReader};
 use sagnac_board::{Message, OutputFrame, POWER_ON};
+use sagnac_core::UNBOUNDED;
 use sagnac_log::ingest::hex;
 use sagnac_log::write::write_atomically;
 
@@ -17,8 +19,8 @@ use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::verbs::verb::Verb;
 
-const HEADER: &str =
-    "sequence,tick,time_s,counts,raw,status,path_length,intensity,actuator,current,thermometer_code,lost_steps,image\n";
+const HEADER: &str = "sequence,tick,time_s,counts,raw,status,path_length,intensity,actuator,current,thermometer_code,lost_steps,image,\
+     angle_arcsec,error_dph,axis\n";
 
 /// Read the frames of a gyro's serial line (docs/reference/serial-line.md) and write them as CSV
 ///
@@ -36,9 +38,6 @@ pub(crate) struct Args {
     /// CSV to write; standard output by default
     #[arg(short, long, value_name = "FILE")]
     output: Option<PathBuf>,
-    /// Length of a tick, µs
-    #[arg(long, default_value_t = 100.0)]
-    tick_us: f64,
 }
 
 /// Findings next to the rows.
@@ -48,7 +47,8 @@ struct FrameTally {
     /// Replies and challenges, as lines.
     answers: Vec<String>,
     others: u64,
-    clock: OutputClock,
+    /// Of each axis.
+    clocks: [OutputClock; 4],
     damaged_bytes: u64,
 }
 
@@ -57,14 +57,6 @@ const MOST_ANSWERS: usize = 100;
 
 impl Verb for Args {
     fn run(&self, console: &mut Console) -> Ran {
-        if !(self.tick_us > 0.0 && self.tick_us <= 1e6) {
-            return Err(Error::input(
-                "must be above 0 and at most a million",
-                "give the tick in microseconds, such as --tick-us 500",
-            )
-            .column("--tick-us")
-            .value(self.tick_us.to_string()));
-        }
         Files::new().reads([&self.input]).writes(&self.output).check()?;
         self.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV"))?;
         let mut tally = FrameTally::default();
@@ -87,12 +79,11 @@ fn report(tally: &FrameTally, console: &mut Console) -> Ran {
     for answer in &tally.answers {
         console.note(answer);
     }
-    console.note(format!("{} output frames, {} missing between them", tally.outputs, tally.clock.missing));
-    if tally.clock.breaks > 0 {
-        console.note(format!(
-            "{} times count or clock jump: restarts, or frames twice or in disorder",
-            tally.clock.breaks
-        ));
+    let missing: u64 = tally.clocks.iter().map(|clock| clock.missing).sum();
+    let breaks: u64 = tally.clocks.iter().map(|clock| clock.breaks).sum();
+    console.note(format!("{} output frames, {missing} missing between them", tally.outputs));
+    if breaks > 0 {
+        console.note(format!("{breaks} times count or clock jump: restarts, or frames twice or in disorder"));
     }
     if tally.damaged_bytes > 0 {
         console.note(format!("{} bytes belong to no frame: damaged or of another sender", tally.damaged_bytes));
@@ -124,7 +115,7 @@ fn pour(args: &Args, tally: &mut FrameTally, out: &mut dyn Write) -> Result<()> 
         for byte in &block[..have] {
             let mut frame = reader.push(*byte);
             while let Some(bytes) = frame {
-                if let Some(row) = tally.take(&bytes, args.tick_us) {
+                if let Some(row) = tally.take(&bytes) {
                     out.write_all(row.as_bytes()).map_err(|e| written(&e))?;
                 }
                 frame = reader.next_buffered();
@@ -150,25 +141,26 @@ impl FrameTally {
     }
 
     /// Counts a frame; the row of an output.
-    fn take(&mut self, frame: &sagnac_board::frame::Frame, tick_us: f64) -> Option<String> {
+    fn take(&mut self, frame: &Frame) -> Option<String> {
+        let clock = self.clocks.get_mut(usize::from(frame.axis))?;
         match Message::parse(frame) {
             Some(Message::Output(output)) => {
                 self.outputs += 1;
-                self.clock.follow(&output);
-                Some(row(&output, self.clock.ticks, tick_us))
+                clock.follow(&output);
+                Some(row(&output, clock.ticks, axis_letter(frame)))
             }
             Some(Message::Reply(reply)) => {
                 if reply.to == POWER_ON {
                     // Power-on begins a new count.
-                    self.clock.power_on();
+                    clock.power_on();
                 }
                 if !is_piece_done(&reply) {
-                    self.note(reply_words(&reply));
+                    self.note(of_axis(frame, &reply_words(&reply)));
                 }
                 None
             }
             Some(Message::Challenge(challenge)) => {
-                self.note(format!("challenge {}", hex(&challenge)));
+                self.note(of_axis(frame, &format!("challenge {}", hex(&challenge))));
                 None
             }
             _ => {
@@ -179,11 +171,23 @@ impl FrameTally {
     }
 }
 
-fn row(o: &OutputFrame, ticks: u64, tick_us: f64) -> String {
-    let time_s = ticks as f64 * tick_us * 1e-6;
+/// A gyro's words, with the axis if the frame has one.
+fn of_axis(frame: &Frame, words: &str) -> String {
+    match axis_letter(frame) {
+        "" => words.to_owned(),
+        axis => format!("axis {axis}: {words}"),
+    }
+}
+
+fn row(o: &OutputFrame, ticks: u64, axis: &str) -> String {
+    let time_s = ticks as f64 * f64::from(o.tick_ns) * 1e-9;
+    let error_dph = match o.error_milli_dph {
+        UNBOUNDED => String::new(),
+        milli => format!("{}.{:03}", milli / 1000, milli % 1000),
+    };
     let thermometer = o.temperature.map_or(String::new(), |code| code.to_string());
     format!(
-        "{},{ticks},{time_s:.6},{},{},{},{},{},{},{},{thermometer},{},{}\n",
+        "{},{ticks},{time_s:.6},{},{},{},{},{},{},{},{thermometer},{},{},{},{error_dph},{axis}\n",
         o.sequence,
         o.counts,
         o.raw,
@@ -193,6 +197,7 @@ fn row(o: &OutputFrame, ticks: u64, tick_us: f64) -> String {
         o.actuator,
         o.current,
         o.lost_steps,
-        image_words(o)
+        image_words(o),
+        arcsec(o.angle_nano_arcsec)
     )
 }

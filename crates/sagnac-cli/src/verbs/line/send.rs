@@ -25,6 +25,9 @@ pub(crate) struct Args {
     /// The line, or a file
     #[arg(short, long, value_name = "PATH", global = true, default_value = "-")]
     output: PathBuf,
+    /// Axis letter of the gyro that the message is for; every gyro of the line without it
+    #[arg(long, global = true)]
+    axis: Option<char>,
 }
 
 #[derive(Subcommand)]
@@ -51,9 +54,6 @@ enum LineMessage {
         /// Serial number of the gyro
         #[arg(long)]
         serial: String,
-        /// Its axis letter
-        #[arg(long)]
-        axis: char,
     },
 }
 
@@ -84,12 +84,16 @@ impl Verb for Args {
             LineMessage::Confirm => Message::Confirm,
             LineMessage::RollBack => Message::RollBack,
             LineMessage::Service { change } => Message::Service(change.on_line()),
-            LineMessage::Answer { change, challenge, key, serial, axis } => {
+            LineMessage::Answer { change, challenge, key, serial } => {
                 Files::new().reads([key]).writes([&self.output]).check()?;
-                Message::Answer(answer(key, serial, *axis, change.on_line(), challenge)?)
+                let axis = self.axis.ok_or_else(|| {
+                    Error::input("an answer is for one axis", "add its letter, such as --axis z").column("--axis")
+                })?;
+                Message::Answer(answer(key, serial, axis, change.on_line(), challenge)?)
             }
         };
-        let bytes = frame_bytes(&message)?;
+        let axis = self.axis.map_or(Ok(0), axis_byte)?;
+        let bytes = frame_bytes(&message, axis)?;
         if self.output.as_os_str() == "-" {
             use std::io::Write as _;
             let mut out = std::io::stdout();
@@ -103,11 +107,20 @@ impl Verb for Args {
     }
 }
 
-/// A message as bytes of the line.
-pub(crate) fn frame_bytes(message: &Message) -> Result<Vec<u8>> {
+fn axis_byte(axis: char) -> Result<u8> {
+    let byte = u8::try_from(axis).ok().filter(u8::is_ascii_graphic);
+    byte.ok_or_else(|| {
+        Error::input("must be an ASCII letter", "give the axis of the image, such as --axis z")
+            .column("--axis")
+            .value(axis.to_string())
+    })
+}
+
+/// A message for the gyro of this axis as bytes of the line.
+pub(crate) fn frame_bytes(message: &Message, axis: u8) -> Result<Vec<u8>> {
     let frame =
         message.frame().ok_or_else(|| Error::input("the message does not fit a frame", "shorten the names in it"))?;
-    let (bytes, len) = frame.bytes();
+    let (bytes, len) = frame.of_axis(axis).bytes();
     Ok(bytes.get(..len).unwrap_or(&[]).to_vec())
 }
 
@@ -121,9 +134,8 @@ fn answer(key: &Path, serial: &str, axis: char, change: Change, challenge: &str)
         Some(room) => room.copy_from_slice(serial.as_bytes()),
         None => return Err(bad("must have at most 32 bytes", "--serial", serial)),
     }
-    let axis = u8::try_from(axis).map_err(|_| bad("must be an ASCII letter", "--axis", &axis.to_string()))?;
     let challenge = unhex(challenge).ok_or_else(|| bad("must be 32 hexadecimal digits", "--challenge", challenge))?;
-    Ok(private_key(key)?.answer(&padded, axis, change as u8, &challenge))
+    Ok(private_key(key)?.answer(&padded, axis_byte(axis)?, change as u8, &challenge))
 }
 
 fn unhex(text: &str) -> Option<[u8; 16]> {

@@ -1,0 +1,49 @@
+/*
+ * How far the correction may be off now: a number next to the status.
+ *
+ *   bound    max(0.1 deg/h, 0.05 * sum R) + sum R * alpha * step / far    status 0; R the effect of an input's rate at its border far
+ *   settling + 2 * R * exp(-n * alpha)                                   n slow updates after the lag began
+ *   open     + 2 * (C + R)                                               C the effect of the input itself: its value may be wrong
+ *   held     + min(2 * (C + R), the steepest slope of the terms times the limit of slope and the hold, and the change of the rate)
+ *
+ * Bit for bit the Rust crate sagnac-core. It bounds a fault, not the calibration: add the calibration's own uncertainty. There is no bound
+ * where an input is outside its span or without a value since power-on, and none against a reading that moves within the limit of slope and
+ * is wrong. Scale terms count for nothing: their effect follows the input rate.
+ *
+ * Use, once after each slow update:
+ *   sagnac_error_bound_update(&bound, &image, &state);       then bound.milli_dph
+ */
+#ifndef SAGNAC_ERROR_BOUND_H
+#define SAGNAC_ERROR_BOUND_H
+
+#include <stdint.h>
+
+#include "sagnac_compensator.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* No bound. */
+#define SAGNAC_UNBOUNDED 0xFFFFFFFFU
+
+/* The bound after each slow update. */
+typedef struct {
+    uint32_t held_updates; /* slow updates in a row that kept the last correction */
+    uint32_t milli_dph;    /* 0.001 deg/h, rounded up */
+} sagnac_error_bound;
+
+/* Before the first slow update: no bound. */
+void sagnac_error_bound_start(sagnac_error_bound *bound);
+
+/* The bound of the slow update that came last. */
+void sagnac_error_bound_update(sagnac_error_bound *bound, const sagnac_image *image, const sagnac_compensator_state *state);
+
+/* SAGNAC_YES for a status that leaves no bound, the bits of a board included. */
+uint32_t sagnac_status_is_open_ended(uint32_t status);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
