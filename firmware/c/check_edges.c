@@ -696,8 +696,10 @@ static void trust_and_upload(void)
 /* A hold of more updates than a number holds. */
 static void bound_of_a_long_hold(void)
 {
-    sagnac_error_bound bound = {UINT32_MAX, 0U};
+    sagnac_error_bound bound;
     plain_image(1U);
+    sagnac_error_bound_start(&bound);
+    bound.held_updates = UINT32_MAX;
     sagnac_compensator_start(&state);
     state.slow_status = SAGNAC_HELD;
     sagnac_error_bound_update(&bound, &image, &state);
@@ -705,6 +707,8 @@ static void bound_of_a_long_hold(void)
     state.slow_status = 0U;
     sagnac_error_bound_update(&bound, &image, &state);
     EXPECT(bound.held_updates == 0U);
+    sagnac_error_bound_advance(&bound, &image, &state);
+    EXPECT(bound.is_whole == SAGNAC_YES);
 }
 
 static void board_counts(void)

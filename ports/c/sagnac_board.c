@@ -112,7 +112,6 @@ void sagnac_board_start(sagnac_board *board, const sagnac_loaded *loaded, const 
     }
     board->lost_steps = 0U;
     sagnac_error_bound_start(&board->error);
-    board->error_is_due = SAGNAC_NO;
     board->angle_rest = 0;
     board->frame.number = 0U;
     board->frame.tick = 0U;
@@ -244,11 +243,32 @@ static void board_make_slices(sagnac_board *board, const sagnac_sample *sample)
     }
 }
 
+static void board_show_error(sagnac_board *board)
+{
+    if (board->error.milli_dph > board->frame.error_milli_dph) {
+        board->frame.error_milli_dph = board->error.milli_dph;
+    }
+}
+
+/* So many slices of the bound of the last slow update. */
+static void board_bound_error(sagnac_board *board, uint32_t slices)
+{
+    if (board->error.is_whole == 0U) {
+        uint32_t i;
+        for (i = 0U; i < slices; i++) {
+            sagnac_error_bound_advance(&board->error, &board->image, &board->state);
+        }
+        board_show_error(board);
+    }
+}
+
 /* Puts the update in force that is due now: the one in slices, or a whole one with these codes. */
 static void board_slow_update(sagnac_board *board, const sagnac_sample *sample)
 {
     const int32_t *codes = sample->codes;
     uint32_t present = sample->present;
+    /* Where there were fewer ticks than slices. */
+    board_bound_error(board, SAGNAC_MAX_INPUTS + 1U);
     if (board->is_pending != 0U) {
         codes = board->pending.codes;
         present = board->pending.present;
@@ -259,7 +279,8 @@ static void board_slow_update(sagnac_board *board, const sagnac_sample *sample)
         (void)sagnac_compensator_update(&board->image, &board->state, codes, present);
     }
     board_seal(board);
-    board->error_is_due = SAGNAC_YES;
+    sagnac_error_bound_begin(&board->error, &board->state);
+    board_show_error(board);
     board->frame.has_temperature = present & 1U;
     board->frame.temperature = (board->frame.has_temperature != 0U) ? codes[0] : 0;
     if (board->setup.watches != 0U) {
@@ -267,18 +288,6 @@ static void board_slow_update(sagnac_board *board, const sagnac_sample *sample)
         const uint32_t are_present = board_temperatures(board, codes, present, values);
         board->still = sagnac_watch_update(&board->setup.watch_spec, &board->watch, values, are_present, board->setup.heats,
                                            board->path_state.held);
-    }
-}
-
-/* The bound of the last slow update, in the tick after it: no tick has both. */
-static void board_bound_error(sagnac_board *board)
-{
-    if (board->error_is_due != 0U) {
-        board->error_is_due = SAGNAC_NO;
-        sagnac_error_bound_update(&board->error, &board->image, &board->state);
-        if (board->error.milli_dph > board->frame.error_milli_dph) {
-            board->frame.error_milli_dph = board->error.milli_dph;
-        }
     }
 }
 
@@ -294,7 +303,7 @@ static int64_t board_angle(sagnac_board *board)
     const int64_t counts = sagnac_held((int64_t)(int32_t)board->frame.counts, -most, most);
     const int64_t rest = (counts * part) + board->angle_rest;
     int64_t units = rest / NANO_FEMTO;
-    board->angle_rest = rest % NANO_FEMTO;
+    board->angle_rest = rest - (units * NANO_FEMTO);
     if (board->angle_rest < 0) {
         board->angle_rest += NANO_FEMTO;
         units--;
@@ -416,7 +425,6 @@ void sagnac_board_make_up(sagnac_board *board, uint32_t missed_ticks)
             uint32_t ticks;
             if (board->state.ticks_to_update == 0U) {
                 board_slow_update(board, &none);
-                board_bound_error(board);
             }
             ticks = (rest < board->state.ticks_to_update) ? rest : board->state.ticks_to_update;
             /* No misuse is possible: no counts, and no tick past a slow update. */
@@ -436,7 +444,7 @@ uint32_t sagnac_board_tick(sagnac_board *board, int32_t counts, uint32_t lost_st
     uint32_t ends = SAGNAC_NO;
     board_check_state(board);
     board_make_slices(board, sample);
-    board_bound_error(board);
+    board_bound_error(board, 1U);
     if (board->state.ticks_to_update == 0U) {
         board_slow_update(board, sample);
     }

@@ -107,9 +107,8 @@ typedef struct {
     sagnac_watch watch;
     uint32_t still; /* bit i: the image's input i stands still */
     uint32_t lost_steps;
-    sagnac_error_bound error;
-    uint32_t error_is_due; /* a slow update has come, and its bound has not been computed */
-    int64_t angle_rest;    /* 1e-15 arcsec below the unit of the last frame's angle */
+    sagnac_error_bound error; /* in slices, in the ticks behind a slow update */
+    int64_t angle_rest;       /* 1e-15 arcsec below the unit of the last frame's angle */
     uint32_t image_sum; /* what sagnac_image_sum, exclusive or sagnac_image_code, must still be */
     uint32_t state_sum; /* what sagnac_state_sum must still be at the next slow update */
     uint32_t update_at; /* number of the tick before which that is due */

@@ -264,6 +264,10 @@ void sagnac_error_bound_start(sagnac_error_bound *bound)
 {
     bound->held_updates = 0U;
     bound->milli_dph = SAGNAC_UNBOUNDED;
+    bound->is_whole = SAGNAC_YES;
+    bound->next = 0U;
+    bound->rates = 0;
+    bound->faults = 0;
 }
 
 uint32_t sagnac_status_is_open_ended(uint32_t status)
@@ -271,8 +275,7 @@ uint32_t sagnac_status_is_open_ended(uint32_t status)
     return ((status & OPEN_ENDED) != 0U) ? SAGNAC_YES : SAGNAC_NO;
 }
 
-/* SAG-CORE-031 */
-void sagnac_error_bound_update(sagnac_error_bound *bound, const sagnac_image *image, const sagnac_compensator_state *state)
+void sagnac_error_bound_begin(sagnac_error_bound *bound, const sagnac_compensator_state *state)
 {
     const uint32_t status = sagnac_compensator_status(state);
     if ((status & SAGNAC_HELD) == 0U) {
@@ -282,24 +285,46 @@ void sagnac_error_bound_update(sagnac_error_bound *bound, const sagnac_image *im
     } else {
         /* It stays at its largest value. */
     }
-    bound->milli_dph = SAGNAC_UNBOUNDED;
-    if (sagnac_status_is_open_ended(status) == 0U) {
-        int64_t rates = 0;
-        int64_t faults = 0;
-        uint32_t base;
-        uint32_t more = 0U;
-        uint32_t i;
-        for (i = 0U; i < image->input_count; i++) {
-            const bound_effects effects = effects_of(image, i);
-            rates += effects.rate;
-            faults += after_step(&effects, &image->inputs[i]);
-            faults += of_fault(&effects, image, state, i, bound->held_updates);
-        }
-        base = milli_dph(image, (rates / PART) + 1);
-        base = (base > LEAST_MILLI_DPH) ? base : LEAST_MILLI_DPH;
-        if (faults > 0) {
-            more = milli_dph(image, faults);
-        }
-        bound->milli_dph = (base > (UINT32_MAX - more)) ? SAGNAC_UNBOUNDED : (base + more);
+    bound->is_whole = SAGNAC_NO;
+    bound->next = 0U;
+    bound->rates = 0;
+    bound->faults = 0;
+    if (sagnac_status_is_open_ended(status) != 0U) {
+        bound->is_whole = SAGNAC_YES;
+        bound->milli_dph = SAGNAC_UNBOUNDED;
+    }
+}
+
+/* The sum behind the last input. */
+static void bound_end(sagnac_error_bound *bound, const sagnac_image *image)
+{
+    uint32_t base = milli_dph(image, (bound->rates / PART) + 1);
+    const uint32_t more = (bound->faults > 0) ? milli_dph(image, bound->faults) : 0U;
+    base = (base > LEAST_MILLI_DPH) ? base : LEAST_MILLI_DPH;
+    bound->milli_dph = (base > (UINT32_MAX - more)) ? SAGNAC_UNBOUNDED : (base + more);
+    bound->is_whole = SAGNAC_YES;
+}
+
+void sagnac_error_bound_advance(sagnac_error_bound *bound, const sagnac_image *image, const sagnac_compensator_state *state)
+{
+    if (bound->is_whole != 0U) {
+        /* No slice is missing. */
+    } else if (bound->next < image->input_count) {
+        const bound_effects effects = effects_of(image, bound->next);
+        bound->rates += effects.rate;
+        bound->faults += after_step(&effects, &image->inputs[bound->next]);
+        bound->faults += of_fault(&effects, image, state, bound->next, bound->held_updates);
+        bound->next++;
+    } else {
+        bound_end(bound, image);
+    }
+}
+
+/* SAG-CORE-031 */
+void sagnac_error_bound_update(sagnac_error_bound *bound, const sagnac_image *image, const sagnac_compensator_state *state)
+{
+    sagnac_error_bound_begin(bound, state);
+    while (bound->is_whole == 0U) {
+        sagnac_error_bound_advance(bound, image, state);
     }
 }

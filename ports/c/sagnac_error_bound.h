@@ -31,6 +31,10 @@ extern "C" {
 typedef struct {
     uint32_t held_updates; /* slow updates in a row that kept the last correction */
     uint32_t milli_dph;    /* 0.001 deg/h, rounded up */
+    uint32_t is_whole;     /* no slice is missing */
+    uint32_t next;         /* the next slice: an input, or the sum behind the last one */
+    int64_t rates;         /* of the slices so far, Q40 counts per tick */
+    int64_t faults;
 } sagnac_error_bound;
 
 /* Before the first slow update: no bound. */
@@ -38,6 +42,10 @@ void sagnac_error_bound_start(sagnac_error_bound *bound);
 
 /* The bound of the slow update that came last. */
 void sagnac_error_bound_update(sagnac_error_bound *bound, const sagnac_image *image, const sagnac_compensator_state *state);
+
+/* The same in slices: begin it after a slow update, and make a slice in each tick behind it, at most input_count + 1. */
+void sagnac_error_bound_begin(sagnac_error_bound *bound, const sagnac_compensator_state *state);
+void sagnac_error_bound_advance(sagnac_error_bound *bound, const sagnac_image *image, const sagnac_compensator_state *state);
 
 /* SAGNAC_YES for a status that leaves no bound, the bits of a board included. */
 uint32_t sagnac_status_is_open_ended(uint32_t status);

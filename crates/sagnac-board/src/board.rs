@@ -111,15 +111,33 @@ pub struct Board {
     /// The frame being filled, and its ticks so far.
     frame: OutputFrame,
     ticks_so_far: u16,
+    /// In slices, in the ticks behind a slow update.
     error: ErrorBound,
-    /// A slow update has come, and its bound has not been computed.
-    error_is_due: bool,
+    angle_of_count: AngleOfCount,
     /// 10⁻¹⁵ arcsec below the unit of the last frame's angle.
     angle_rest: i64,
 }
 
 /// 10⁻¹⁵ arcsec of the unit of a frame's angle.
 const NANO_FEMTO: i64 = 1_000_000;
+
+/// The angle of one count, 10⁻⁹ arcsec and 10⁻¹⁵ arcsec, and the counts of a frame beyond which its angle stays at its largest value: thousands
+/// of turns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct AngleOfCount {
+    whole: i64,
+    part: i64,
+    most: i64,
+}
+
+impl AngleOfCount {
+    fn of(image: &Image) -> Self {
+        let femto = image.description().scale_factor_femto_arcsec;
+        let unit = NANO_FEMTO.cast_unsigned();
+        let (whole, part) = (femto.div_euclid(unit).cast_signed(), femto.rem_euclid(unit).cast_signed());
+        Self { whole, part, most: (i64::MAX / 2).checked_div(whole + 1).unwrap_or(0) }
+    }
+}
 
 /// Slow updates in so many seconds.
 fn updates_in(image: &Image, seconds: u32) -> u64 {
@@ -164,7 +182,7 @@ impl Board {
             },
             ticks_so_far: 0,
             error: ErrorBound::new(),
-            error_is_due: false,
+            angle_of_count: AngleOfCount::of(&image),
             angle_rest: 0,
         }
     }
@@ -180,6 +198,7 @@ impl Board {
         if loaded.image != *self.image() {
             self.image_checksum = loaded.image.checksum() ^ u32::from(image_code(self.origin, self.trial));
             self.gyro = Compensator::new(loaded.image);
+            self.angle_of_count = AngleOfCount::of(&loaded.image);
             self.state = self.gyro.migrate_state(&self.state);
             self.pending = None;
             self.seal = Seal::of(&self.state, self.frame.tick);
@@ -203,6 +222,7 @@ impl Board {
             && self.watch.as_ref().map(ThermometerWatch::setup) == setup.watch
             && self.frame.frame_ticks == setup.frame_ticks.max(1)
             && self.frame.tick_ns == self.image().description().tick_ns
+            && self.angle_of_count == AngleOfCount::of(self.image())
     }
 
     /// Goes on with what flash holds after [`Board::is_intact`] was false, with [`Status::UPSET`] in the frame.
@@ -224,6 +244,7 @@ impl Board {
         }
         self.frame.frame_ticks = setup.frame_ticks.max(1);
         self.frame.tick_ns = self.image().description().tick_ns;
+        self.angle_of_count = AngleOfCount::of(self.image());
         self.frame.status |= Status::UPSET;
     }
 
@@ -257,7 +278,7 @@ impl Board {
     ) -> (ActuatorCodes, Option<OutputFrame>) {
         self.check_state();
         self.make_slices(sample);
-        self.bound_error();
+        self.bound_error(1);
         if self.state.ticks_to_update() == 0 {
             self.slow_update(&sample.codes);
         }
@@ -301,7 +322,6 @@ impl Board {
         while rest > 0 {
             if self.state.ticks_to_update() == 0 {
                 self.slow_update(&[None; MAX_INPUTS]);
-                self.bound_error();
             }
             let ticks = rest.min(self.state.ticks_to_update());
             if let Ok(output) = self.gyro.advance(&mut self.state, 0, ticks) {
@@ -354,6 +374,8 @@ impl Board {
 
     /// Puts the update in force that is due now: the one in slices, or a whole one with these codes.
     fn slow_update(&mut self, codes: &[Option<i32>; MAX_INPUTS]) {
+        // Where there were fewer ticks than slices.
+        self.bound_error(MAX_INPUTS + 1);
         let mut codes = *codes;
         if let Some(mut pending) = self.pending.take() {
             codes = pending.codes;
@@ -363,7 +385,8 @@ impl Board {
             let _ = self.gyro.update(&mut self.state, of_image);
         }
         self.seal = Seal::of(&self.state, self.frame.tick);
-        self.error_is_due = true;
+        self.error.begin(&self.state);
+        self.frame.error_milli_dph = self.frame.error_milli_dph.max(self.error.milli_dph());
         self.frame.temperature = codes.first().copied().flatten();
         if let Some(watch) = &mut self.watch {
             let command = watch.heats.then_some(self.path.1.held());
@@ -371,12 +394,13 @@ impl Board {
         }
     }
 
-    /// The bound of the last slow update, in the tick after it: no tick has both.
+    /// So many slices of the bound of the last slow update.
     #[inline]
-    fn bound_error(&mut self) {
-        if self.error_is_due {
-            self.error_is_due = false;
-            self.error.update(self.gyro.image(), &self.state);
+    fn bound_error(&mut self, slices: usize) {
+        if !self.error.is_whole() {
+            for _ in 0..slices {
+                self.error.advance(self.gyro.image(), &self.state);
+            }
             self.frame.error_milli_dph = self.frame.error_milli_dph.max(self.error.milli_dph());
         }
     }
@@ -441,16 +465,12 @@ impl Board {
 
     /// The angle of the frame's counts, 10⁻⁹ arcsec; what is less than that goes to the next frame.
     fn angle(&mut self) -> i64 {
-        let femto = self.image().description().scale_factor_femto_arcsec;
-        let (whole, part) =
-            (femto.div_euclid(NANO_FEMTO.cast_unsigned()), femto.rem_euclid(NANO_FEMTO.cast_unsigned()));
-        let (whole, part) = (whole.cast_signed(), part.cast_signed());
-        // Thousands of turns in a frame: beyond them the angle stays at its largest value.
-        let most = (i64::MAX / 2).checked_div(whole + 1).unwrap_or(0);
+        let AngleOfCount { whole, part, most } = self.angle_of_count;
         let counts = i64::from(self.frame.counts).clamp(-most, most);
         let rest = counts * part + self.angle_rest;
-        self.angle_rest = rest.rem_euclid(NANO_FEMTO);
-        counts * whole + rest.div_euclid(NANO_FEMTO)
+        let units = rest.div_euclid(NANO_FEMTO);
+        self.angle_rest = rest.wrapping_sub(units.wrapping_mul(NANO_FEMTO));
+        counts * whole + units
     }
 }
 

@@ -271,3 +271,119 @@ fn a_report_is_html_and_its_figures_are_svg() {
     it.run("verify unit.cal.json log.csv --figures again");
     assert_eq!(figures("again"), all);
 }
+
+/// A figure's name is that of an input, or of the record: the folder is refused before the work.
+#[test]
+fn figures_replace_no_file_of_the_command() {
+    let it = Bench::new();
+    fs::copy(it.path("log.csv"), it.path("temperature.svg")).unwrap();
+    let before = it.all();
+    for line in [
+        "inspect temperature.svg --setup bench.toml --figures .",
+        "calibrate log.csv --setup bench.toml --model |bias 2| -o drift-z.svg --figures .",
+        "calibrate temperature.svg --setup bench.toml --model |bias 2| -o other.cal.json --figures ./",
+    ] {
+        let (status, said) = it.run(line);
+        assert!(status == 2 && said.contains("a figure may get the name"), "{line}: {status} {said}");
+        assert_eq!(it.all(), before, "{line}");
+    }
+    assert_eq!(it.run("inspect log.csv --setup bench.toml --figures figures").0, 0);
+}
+
+/// A fleet's own files are named like its logs, its manifest or its setup: refused, and all of them stand.
+#[test]
+fn a_fleet_replaces_none_of_its_inputs() {
+    let it = Bench::new();
+    let folder = it.path("fl/units");
+    fs::create_dir_all(&folder).unwrap();
+    fs::copy(it.path("log.csv"), it.path("fleet.parquet")).unwrap();
+    fs::write(it.path("m.csv"), "unit,run\nA,fleet.parquet\n").unwrap();
+    fs::write(folder.join("A.json"), "unit,run\nA,../../log.csv\n").unwrap();
+    fs::copy(it.path("bench.toml"), folder.join("B.json")).unwrap();
+    fs::write(it.path("m2.csv"), "unit,run\nB,log.csv\n").unwrap();
+    let (before, in_folder) =
+        (it.all(), [fs::read(folder.join("A.json")), fs::read(folder.join("B.json"))].map(Result::unwrap));
+    for line in [
+        "fleet calibrate m.csv --setup bench.toml --model |bias 2| -o .",
+        "fleet calibrate fl/units/A.json --setup bench.toml --model |bias 2| -o fl",
+        "fleet calibrate m2.csv --setup fl/units/B.json --model |bias 2| -o fl",
+    ] {
+        let (status, said) = it.run(line);
+        assert!(status == 2 && said.contains("the command reads this file"), "{line}: {status} {said}");
+        assert_eq!(it.all(), before, "{line}");
+        let now = [fs::read(folder.join("A.json")), fs::read(folder.join("B.json"))].map(Result::unwrap);
+        assert_eq!(now, in_folder, "{line}");
+    }
+}
+
+/// A pattern over names that are no text reads them; one over several folders finds each.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_pattern_reads_names_that_are_no_text() {
+    use std::os::unix::ffi::OsStrExt;
+    let it = Bench::new();
+    fs::create_dir_all(it.path("runs/first/below")).unwrap();
+    let latin = std::ffi::OsStr::from_bytes(b"Pr\xfcfung.csv");
+    fs::copy(it.path("log.csv"), it.path("runs").join(latin)).unwrap();
+    assert_eq!(it.run("simulate paper.toml --seed 9 -o runs/first/below/run.csv").0, 0);
+    for (line, found) in [
+        ("inspect runs/*.csv --setup bench.toml", "1 log"),
+        ("inspect runs/Pr?fung.csv --setup bench.toml", "1 log"),
+        ("inspect runs/**/*.csv --setup bench.toml", "2 logs"),
+        ("inspect ru*/f*/below/[r]un.csv --setup bench.toml", "1 log"),
+    ] {
+        let (status, said) = it.run(line);
+        assert!(status == 0 && said.contains(found), "{line}: {status} {said}");
+    }
+    assert_eq!(it.run("inspect runs/*.tsv --setup bench.toml").0, 2);
+}
+
+/// A key that the disk has no room for is not there, and its name is free.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_key_is_whole_or_not_there() {
+    let it = Bench::new();
+    let program = assert_cmd::cargo::cargo_bin("sagnac");
+    let line = format!("ulimit -f 0; {} key new -o unit.key", program.display());
+    let limited = std::process::Command::new("sh").args(["-c", &line]).current_dir(it.folder.path()).output().unwrap();
+    assert!(!limited.status.success());
+    assert!(!it.path("unit.key").exists() && !it.path("unit.pub").exists());
+    assert_eq!(it.run("key new -o unit.key").0, 0);
+}
+
+/// Devices and pipes as the result of a unit, and a manifest without an end: refused or passed over, in bounded memory.
+#[test]
+#[cfg(target_os = "linux")]
+fn devices_among_a_fleet_are_no_files() {
+    let it = Bench::new();
+    fs::write(it.path("m.csv"), "unit,run\nA,log.csv\n").unwrap();
+    fs::create_dir_all(it.path("fl/units")).unwrap();
+    std::os::unix::fs::symlink("/dev/zero", it.path("fl/units/A.json")).unwrap();
+    let setup = fs::read_to_string(it.path("bench.toml")).unwrap();
+    let of_all: String =
+        setup.lines().filter(|line| !line.starts_with("serial")).map(|line| format!("{line}\n")).collect();
+    fs::write(it.path("all.toml"), of_all).unwrap();
+    let (status, said) = it.run("fleet calibrate m.csv --setup all.toml --model |bias 2| -o fl");
+    assert!(status == 2 && said.contains("has the name of a file to write"), "{status} {said}");
+    let (status, said) = it.run("fleet calibrate /dev/zero --setup bench.toml -o fl2");
+    assert!(status == 2 && said.contains("larger than"), "{status} {said}");
+}
+
+/// Two gigabytes of empty lines, and one of comments, in a few megabytes of gzip: read in seconds, or refused.
+#[test]
+fn gzip_of_nothing_is_bounded() {
+    let it = Bench::new();
+    for (name, line) in [("empty.csv.gz", &b"\n"[..]), ("notes.csv.gz", b"#\n")] {
+        let mut packed =
+            flate2::write::GzEncoder::new(fs::File::create(it.path(name)).unwrap(), flate2::Compression::best());
+        std::io::Write::write_all(&mut packed, b"time_s,temperature_c,counts\n").unwrap();
+        let block = line.repeat((1 << 20) / line.len());
+        for _ in 0..600 {
+            std::io::Write::write_all(&mut packed, &block).unwrap();
+        }
+        packed.finish().unwrap();
+        let (status, said) = it.run(&format!("inspect {name} --setup bench.toml"));
+        let named = ["unpacks to over 200 times", "no header"].iter().any(|why| said.contains(why));
+        assert!(status == 2 && named, "{name}: {status} {said}");
+    }
+}

@@ -36,13 +36,21 @@ const OPEN_ENDED: Status = Status::UNCORRECTED
     .with(Status::STUCK)
     .with(Status::OUTVOTED);
 
-/// The bound after each slow update.
+/// The bound after each slow update, in one call or in slices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ErrorBound {
     /// Slow updates in a row that kept the last correction.
     held_updates: u32,
     milli_dph: u32,
+    /// The next slice: an input, or the sum behind the last one; [`WHOLE`] when none is missing.
+    next: u8,
+    /// Of the slices so far, Q40 counts per tick.
+    rates: i64,
+    faults: i64,
 }
+
+/// No slice is missing.
+const WHOLE: u8 = u8::MAX;
 
 impl Default for ErrorBound {
     fn default() -> Self {
@@ -53,10 +61,10 @@ impl Default for ErrorBound {
 impl ErrorBound {
     /// Before the first slow update: no bound.
     pub const fn new() -> Self {
-        Self { held_updates: 0, milli_dph: UNBOUNDED }
+        Self { held_updates: 0, milli_dph: UNBOUNDED, next: WHOLE, rates: 0, faults: 0 }
     }
 
-    /// The bound of the last slow update, 0.001 °/h rounded up; [`UNBOUNDED`] for none.
+    /// The bound of the last slow update whose slices are made, 0.001 °/h rounded up; [`UNBOUNDED`] for none.
     pub const fn milli_dph(&self) -> u32 {
         self.milli_dph
     }
@@ -66,25 +74,46 @@ impl ErrorBound {
         status.bits() & OPEN_ENDED.bits() != 0
     }
 
+    /// No slice is missing.
+    pub const fn is_whole(&self) -> bool {
+        self.next == WHOLE
+    }
+
     /// Once after each slow update. It reads the state and changes nothing of it.
     ///
     /// **SAG-CORE-031** After each slow update a bound in °/h says how far a fault may have moved the correction.
     pub fn update(&mut self, image: &Image, state: &State) {
-        let status = state.status();
-        self.held_updates = if status.contains(Status::HELD) { self.held_updates.saturating_add(1) } else { 0 };
-        self.milli_dph = if Self::is_open_ended(status) { UNBOUNDED } else { self.of(image, state.inputs()) };
+        self.begin(state);
+        while !self.is_whole() {
+            self.advance(image, state);
+        }
     }
 
-    fn of(&self, image: &Image, memories: &[InputState; MAX_INPUTS]) -> u32 {
-        let (mut rates, mut faults) = (0_i64, 0_i64);
-        for (at, (spec, memory)) in image.inputs().iter().zip(memories).enumerate() {
-            let effects = Effects::of(image, at);
-            rates += effects.rate;
-            faults += effects.after_step(spec)
-                + effects.of_fault(spec, memory, parents(image, memories, at), self.held_updates);
+    /// The same in slices: begin it after a slow update, and make a slice in each tick behind it.
+    pub fn begin(&mut self, state: &State) {
+        let status = state.status();
+        self.held_updates = if status.contains(Status::HELD) { self.held_updates.saturating_add(1) } else { 0 };
+        (self.next, self.rates, self.faults) = (0, 0, 0);
+        if Self::is_open_ended(status) {
+            (self.next, self.milli_dph) = (WHOLE, UNBOUNDED);
         }
-        let bound = milli_dph(image, rates / PART + 1).max(LEAST_MILLI_DPH);
-        bound.saturating_add(if faults > 0 { milli_dph(image, faults) } else { 0 })
+    }
+
+    /// One slice, of the same image and the state of the same slow update. Nothing where none is missing.
+    #[inline(never)]
+    pub fn advance(&mut self, image: &Image, state: &State) {
+        let at = usize::from(self.next);
+        if let (Some(spec), Some(memory)) = (image.inputs().get(at), state.inputs().get(at)) {
+            let effects = Effects::of(image, at);
+            self.rates += effects.rate;
+            self.faults += effects.after_step(spec)
+                + effects.of_fault(spec, memory, parents(image, state.inputs(), at), self.held_updates);
+            self.next += 1;
+        } else if !self.is_whole() {
+            let bound = milli_dph(image, self.rates / PART + 1).max(LEAST_MILLI_DPH);
+            let faults = if self.faults > 0 { milli_dph(image, self.faults) } else { 0 };
+            (self.next, self.milli_dph) = (WHOLE, bound.saturating_add(faults));
+        }
     }
 }
 

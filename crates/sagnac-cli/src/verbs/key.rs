@@ -116,7 +116,11 @@ fn new_file(path: &Path, bytes: &[u8], mode: u32) -> Result<()> {
         }
         _ => Error::io_path(path, "create", &e),
     })?;
-    file.write_all(bytes).and_then(|()| file.sync_all()).map_err(|e| Error::io_path(path, "write", &e))
+    file.write_all(bytes).and_then(|()| file.sync_all()).map_err(|e| {
+        // A part of a key is none, and would keep its name.
+        let _ = std::fs::remove_file(path);
+        Error::io_path(path, "write", &e)
+    })
 }
 
 fn sign(image: &Path, key: &Path, args: &BlockArgs, output: &Path, console: &mut Console) -> Ran {

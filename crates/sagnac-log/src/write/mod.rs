@@ -98,8 +98,15 @@ pub fn write_atomically(path: &Path, fill: impl FnOnce(&mut (dyn Write + Send)) 
 /// that, such as a full disk, leaves everything as it was.
 ///
 /// # Errors
-/// As [`write_atomically`]; a file that cannot be removed.
+/// As [`write_atomically`]; a file that cannot be removed; a device or a pipe, which no file replaces.
 pub fn write_together(files: &[(&Path, Option<&[u8]>)]) -> Result<()> {
+    if let Some((device, _)) = files.iter().find(|(path, _)| is_device(path)) {
+        return Err(Error::input(
+            "a device or a pipe has the name of a file to write",
+            "remove it, or give another name",
+        )
+        .file(device.display().to_string()));
+    }
     let whole = |path: &Path, bytes: &[u8]| {
         refuse_no_file(path)?;
         Whole::new(path, |out| out.write_all(bytes).map_err(|e| Error::io_path(path, "write", &e)))

@@ -124,14 +124,17 @@ fn correction(folder: &Path) -> Result<()> {
     let path = folder.join("alone.hex");
     fs::write(&path, images::alone(&own, IMAGES_ALONE, Hardware::WHOLE)?)?;
     fast.run(&path, "images alone")?;
-    let mut early = 0;
+    let (mut early, mut waited) = (0, 0);
     for (name, width) in FILES {
         let width = format!("-Ptb_compensator.RAW_WIDTH={width}");
         let slow = if name == PRESET { None } else { Some(bench.in_iverilog(&[&width])?) };
         for built in slow.iter().chain([&fast, &axi]) {
-            early += usize::from(built.run_vectors(name)?.contains("early ticks"));
+            let verdict = built.run_vectors(name)?;
+            early += usize::from(verdict.contains("early ticks"));
+            waited += usize::from(verdict.contains("waited for room"));
         }
     }
+    ensure!(waited >= 4, "the queue of increments is full in {waited} runs alone");
     ensure!(early >= 4, "only {early} runs end where ticks that come too early can be tried");
     Ok(())
 }

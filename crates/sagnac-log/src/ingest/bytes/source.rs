@@ -7,6 +7,7 @@
 use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Read};
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use flate2::bufread::MultiGzDecoder;
@@ -31,7 +32,7 @@ impl HashHandle {
     /// Forgets what was read, and reads all of `bytes`.
     pub(crate) fn begin_anew_with(&self, bytes: impl Read) -> std::io::Result<()> {
         *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Sha256::default();
-        let mut hashing = HashingReader { inner: bytes, hash: self.clone() };
+        let mut hashing = HashingReader { inner: bytes, hash: self.clone(), read: Arc::default() };
         std::io::copy(&mut hashing, &mut std::io::sink()).map(|_| ())
     }
 
@@ -64,12 +65,40 @@ pub fn sha256_of_file(path: &Path) -> Result<String> {
 struct HashingReader<R> {
     inner: R,
     hash: HashHandle,
+    /// Bytes that were read.
+    read: Arc<AtomicU64>,
 }
 
 impl<R: Read> Read for HashingReader<R> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
         let n = self.inner.read(buffer)?;
         self.hash.update(&buffer[..n]);
+        self.read.fetch_add(n as u64, Ordering::Relaxed);
+        Ok(n)
+    }
+}
+
+/// Unpacked bytes, as long as they are not far more than the packed ones: a megabyte of gzip can hold a gigabyte of nothing.
+struct Unpacked<R> {
+    inner: R,
+    packed: Arc<AtomicU64>,
+    given: u64,
+}
+
+/// Rows that differ in their times alone pack to a fortieth.
+const MOST_TIMES_PACKED: u64 = 200;
+/// Below this it does not matter.
+const FREE_UNPACKED_BYTES: u64 = 256 << 20;
+
+impl<R: Read> Read for Unpacked<R> {
+    fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
+        let n = self.inner.read(buffer)?;
+        self.given += n as u64;
+        let most = self.packed.load(Ordering::Relaxed).saturating_mul(MOST_TIMES_PACKED).max(FREE_UNPACKED_BYTES);
+        if self.given > most {
+            let what = format!("the gzip file unpacks to over {MOST_TIMES_PACKED} times its size, which no log does");
+            return Err(std::io::Error::new(std::io::ErrorKind::InvalidData, what));
+        }
         Ok(n)
     }
 }
@@ -131,12 +160,14 @@ impl Source {
     /// Wraps any reader.
     pub(crate) fn from_reader(name: String, raw: Box<dyn Read + Send>) -> Result<Self> {
         let hash = HashHandle::default();
-        let hashed = HashingReader { inner: raw, hash: hash.clone() };
+        let read = Arc::<AtomicU64>::default();
+        let hashed = HashingReader { inner: raw, hash: hash.clone(), read: Arc::clone(&read) };
         let reader = Box::new(BufReader::with_capacity(1 << 16, hashed));
         let (mut reader, mut start) = first_bytes(reader, &name)?;
         let packed = start.starts_with(&GZIP_MAGIC);
         if packed {
-            let unpacked = BufReader::with_capacity(1 << 16, MultiGzDecoder::new(reader));
+            let unpacked = Unpacked { inner: MultiGzDecoder::new(reader), packed: read, given: 0 };
+            let unpacked = BufReader::with_capacity(1 << 16, unpacked);
             (reader, start) = first_bytes(Box::new(unpacked), &name)?;
         }
         let mut assumed = Vec::new();
