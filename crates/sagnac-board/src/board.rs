@@ -466,10 +466,10 @@ impl Board {
     /// The angle of the frame's counts, 10⁻⁹ arcsec; what is less than that goes to the next frame.
     fn angle(&mut self) -> i64 {
         let AngleOfCount { whole, part, most } = self.angle_of_count;
-        let counts = i64::from(self.frame.counts).clamp(-most, most);
+        let counts = i64::from(self.frame.counts).max(-most).min(most);
         let rest = counts * part + self.angle_rest;
         let units = rest.div_euclid(NANO_FEMTO);
-        self.angle_rest = rest.wrapping_sub(units.wrapping_mul(NANO_FEMTO));
+        self.angle_rest = rest - units * NANO_FEMTO;
         counts * whole + units
     }
 }
