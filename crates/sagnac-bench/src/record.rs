@@ -8,11 +8,13 @@
 //! Nothing else can hold it up: who shows, fits or judges reads the journal behind the published length, at his own pace. `kill -9` loses at most
 //! what waits for its block, 0.1 s; a power cut at most the second since the last fsync.
 
+use std::path::Path;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use sagnac_log::{Error, Result};
+use sagnac_units::format::significant;
 use serde::Serialize;
 
 use crate::journal::{Entry, EntryKind, JournalWriter};
@@ -26,6 +28,12 @@ const SYNC_AFTER: Duration = Duration::from_secs(1);
 pub(crate) const QUEUE: usize = 256;
 /// Time between two looks at the sources' silence.
 const LOOK: Duration = Duration::from_millis(50);
+
+/// How often the room on the disk is looked at.
+const ROOM_LOOK: Duration = Duration::from_secs(60);
+/// A warning comes when the disk is full in this time, s, or has less than this.
+const ROOM_S: f64 = 2.0 * 3600.0;
+const LEAST_ROOM_BYTES: f64 = (256_u64 << 20) as f64;
 
 /// How a source is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -135,6 +143,49 @@ impl Sources {
     }
 }
 
+/// The room on the disk of a recording, and which of it was warned of last.
+struct DiskRoom {
+    begun: Instant,
+    begun_bytes: u64,
+    said_bytes: f64,
+}
+
+impl DiskRoom {
+    fn new(begun_bytes: u64) -> Self {
+        Self { begun: Instant::now(), begun_bytes, said_bytes: f64::INFINITY }
+    }
+
+    /// A warning while there is time to make room; again when half of it is gone. The log that is made at the end takes as much as the
+    /// journal at most.
+    fn warning(&mut self, journal_bytes: u64, free_bytes: u64) -> Option<String> {
+        let (journal, free) = (journal_bytes as f64, free_bytes as f64);
+        let per_s = journal_bytes.saturating_sub(self.begun_bytes) as f64 / self.begun.elapsed().as_secs_f64().max(1.0);
+        let left_s = (free - journal).max(0.0) / per_s.max(1.0);
+        if (left_s > ROOM_S && free > LEAST_ROOM_BYTES) || free > 0.5 * self.said_bytes {
+            return None;
+        }
+        self.said_bytes = free;
+        let hours = significant(left_s / 3600.0, 2);
+        Some(format!(
+            "the disk has {:.0} MB of room, enough for {hours} h of this test and its log: make room now",
+            free / 1e6
+        ))
+    }
+}
+
+/// Bytes that may still be written to the disk of a file.
+#[cfg(unix)]
+fn free_bytes(path: &Path) -> Option<u64> {
+    let disk = rustix::fs::statvfs(path).ok()?;
+    disk.f_bavail.checked_mul(disk.f_frsize)
+}
+
+/// A system that is not asked.
+#[cfg(not(unix))]
+fn free_bytes(_: &Path) -> Option<u64> {
+    None
+}
+
 /// Records until the first source ends or everybody is to stop.
 pub(crate) struct JournalRecorder {
     pub(crate) journal: JournalWriter,
@@ -159,6 +210,7 @@ impl JournalRecorder {
 
     fn pour(&mut self, queue: &Receiver<Arrived>) -> Result<()> {
         let (mut written, mut synced, mut looked) = (Instant::now(), Instant::now(), Instant::now());
+        let (mut room, mut room_looked) = (DiskRoom::new(self.journal.length()), None::<Instant>);
         loop {
             match queue.recv_timeout(LOOK) {
                 Ok(arrived) => {
@@ -180,6 +232,13 @@ impl JournalRecorder {
             if looked.elapsed() >= LOOK {
                 self.look_for_silence()?;
                 looked = Instant::now();
+            }
+            if room_looked.is_none_or(|looked| looked.elapsed() >= ROOM_LOOK) {
+                room_looked = Some(Instant::now());
+                let free = free_bytes(self.journal.path());
+                if let Some(said) = free.and_then(|free| room.warning(self.journal.length(), free)) {
+                    self.journal.push(&Entry::text(EntryKind::Note, 0, self.clock.now_ns(), &said))?;
+                }
             }
             if self.stop.is_stopped() {
                 return self.rest(queue);
@@ -271,4 +330,24 @@ pub(crate) fn no_thread(error: &std::io::Error) -> Error {
         format!("cannot start a thread: {error}"),
         "raise the limit of threads (`ulimit -u`) or close other programs",
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A test of 1 MB/s: no word with a day of room, one with an hour, none again before half of that is gone, and one on a small disk.
+    #[test]
+    fn a_full_disk_is_foreseen() {
+        let begun = Instant::now().checked_sub(Duration::from_secs(1000)).unwrap();
+        let mut room = DiskRoom { begun, begun_bytes: 0, said_bytes: f64::INFINITY };
+        let journal = 1_000_000_000;
+        assert_eq!(room.warning(journal, 100_000_000_000), None);
+        let said = room.warning(journal, 4_600_000_000).unwrap();
+        assert!(said.contains("4600 MB") && said.contains("1.0 h of this test"), "{said}");
+        assert_eq!(room.warning(journal, 4_000_000_000), None);
+        assert!(room.warning(journal, 2_000_000_000).unwrap().contains("0.28 h"));
+        assert!(DiskRoom::new(0).warning(0, 100 << 20).is_some());
+        assert!(cfg!(not(unix)) || free_bytes(Path::new(".")).is_some_and(|free| free > 0));
+    }
 }

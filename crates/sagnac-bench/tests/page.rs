@@ -139,10 +139,14 @@ fn the_recording_is_ended_only_with_the_token() {
     assert!(head.starts_with("http/1.1 401"), "{head}");
     let (head, _) = running.ask("GET", &format!("/?token={}", running.token()), &[]);
     assert!(head.starts_with("http/1.1 303") && head.contains("httponly; samesite=strict"), "{head}");
-    let cookie = format!("sagnac-bench={}", running.token());
+    let port = running.address().port();
+    let (cookie, wrong) = (format!("sagnac-bench-{port}={}", running.token()), format!("sagnac-bench-{port}=1234"));
+    // The right token under the name of a bench on another port.
+    let of_another = format!("sagnac-bench-{}={}", port ^ 1, running.token());
     let refused = [
         vec![("Origin", own.as_str())],
-        vec![("Origin", own.as_str()), ("Cookie", "sagnac-bench=1234")],
+        vec![("Origin", own.as_str()), ("Cookie", wrong.as_str())],
+        vec![("Origin", own.as_str()), ("Cookie", of_another.as_str())],
         vec![("Cookie", cookie.as_str())],
         vec![("Cookie", cookie.as_str()), ("Origin", "http://evil.example")],
         vec![("Cookie", cookie.as_str()), ("Origin", "null")],

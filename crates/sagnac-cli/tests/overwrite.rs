@@ -387,3 +387,14 @@ fn gzip_of_nothing_is_bounded() {
         assert!(status == 2 && named, "{name}: {status} {said}");
     }
 }
+
+/// The line of a manifest is the one that an editor shows, whatever its line ends.
+#[test]
+fn lines_of_a_manifest_are_those_of_an_editor() {
+    let it = Bench::new();
+    for ends in ["\n", "\r\n"] {
+        fs::write(it.path("m.csv"), ["unit,run", "A,log.csv", "B,", ""].join(ends)).unwrap();
+        let (status, said) = it.run("fleet calibrate m.csv --setup bench.toml -o fl");
+        assert!(status == 2 && said.contains("m.csv:3,"), "{ends:?}: {said}");
+    }
+}

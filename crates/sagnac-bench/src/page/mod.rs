@@ -232,12 +232,17 @@ impl Site {
         }
     }
 
+    /// Browsers keep cookies by name and host, whatever the port: two benches on one computer have two.
+    fn cookie(&self) -> String {
+        format!("{COOKIE}-{}", self.address.port())
+    }
+
     fn has_token(&self, headers: &HeaderMap) -> bool {
         let cookies = headers.get_all(header::COOKIE).iter().filter_map(|value| value.to_str().ok());
         cookies
             .flat_map(|all| all.split(';'))
             .filter_map(|one| one.trim().split_once('='))
-            .any(|(name, value)| name == COOKIE && same(value, &self.token))
+            .any(|(name, value)| name == self.cookie() && same(value, &self.token))
     }
 }
 
@@ -257,7 +262,7 @@ async fn page(Shared(site): Shared<Arc<Site>>, Query(opens): Query<Opens>, heade
         if !same(&token, &site.token) {
             return (StatusCode::UNAUTHORIZED, "a wrong token\n").into_response();
         }
-        let cookie = format!("{COOKIE}={token}; HttpOnly; SameSite=Strict; Path=/");
+        let cookie = format!("{}={token}; HttpOnly; SameSite=Strict; Path=/", site.cookie());
         return ([(header::SET_COOKIE, cookie)], Redirect::to("/")).into_response();
     }
     if !site.address.ip().is_loopback() && !site.has_token(&headers) {

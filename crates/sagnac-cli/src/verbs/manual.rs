@@ -1,7 +1,7 @@
 //! `sagnac manual`: shell completions, man pages and docs/reference/cli.md, made from the program itself.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::StyledStr;
 use clap::{Arg, ArgAction, Command, ValueEnum};
@@ -11,6 +11,7 @@ use sagnac_core::Status;
 use sagnac_log::ingest::Reason;
 use sagnac_log::ingest::header::HEADERS;
 use sagnac_log::setup::{BenchSetup, PollColumn, Setup};
+use sagnac_log::write::write_bytes;
 use serde_json::Value;
 
 use crate::output::console::{Console, Outcome, Ran};
@@ -42,6 +43,15 @@ enum ManualForm {
     Markdown,
 }
 
+/// The page of a command and those of its own, each whole.
+fn write_pages(command: &Command, folder: &Path) -> Result<()> {
+    let page = clap_mangen::Man::new(command.clone());
+    let mut text = Vec::new();
+    page.render(&mut text).map_err(|e| Error::io_path(folder, "write", &e))?;
+    write_bytes(&folder.join(page.get_filename()), &text)?;
+    command.get_subcommands().filter(|own| !own.is_hide_set()).try_for_each(|own| write_pages(own, folder))
+}
+
 pub(crate) fn run(args: &Args, mut program: Command, console: &mut Console) -> Ran {
     program.set_bin_name("sagnac");
     if let Some(folder) = &args.output {
@@ -53,7 +63,9 @@ pub(crate) fn run(args: &Args, mut program: Command, console: &mut Console) -> R
             .column("--output"));
         }
         std::fs::create_dir_all(folder).map_err(|e| Error::io_path(folder, "make", &e))?;
-        clap_mangen::generate_to(program, folder).map_err(|e| Error::io_path(folder, "write", &e))?;
+        program = program.disable_help_subcommand(true);
+        program.build();
+        write_pages(&program, folder)?;
         console.say(format!("wrote man pages to {}", folder.display()));
         return Ok(Outcome::Done);
     }

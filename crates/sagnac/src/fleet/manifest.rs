@@ -168,7 +168,8 @@ pub fn units_in_manifest(path: &Path, folder: &Path) -> Result<Vec<Unit>> {
         )
         .file(&name)
     };
-    let text = read_text(path, "read the manifest", MOST_MANIFEST_BYTES)?;
+    // The reader's line numbers are those of single line ends.
+    let text = read_text(path, "read the manifest", MOST_MANIFEST_BYTES)?.replace("\r\n", "\n");
     let delimiter = delimiter_of(text.as_bytes());
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).delimiter(delimiter).from_reader(text.as_bytes());
     let headers = reader.headers().map_err(broken)?.clone();
