@@ -65,7 +65,9 @@ libfuzzer_sys::fuzz_target!(|bytes: &[u8]| {
                     }
                     _ => frame,
                 };
-                let (bytes, len) = frame.bytes();
+                // For every gyro of the line, for this one, or for another.
+                let axis = b"0z0x"[usize::from(rest.first().unwrap_or(&0) >> 6)];
+                let (bytes, len) = frame.of_axis(axis).bytes();
                 input.extend_from_slice(&bytes[..len]);
             }
             other => input.extend_from_slice(other),

@@ -16,11 +16,12 @@
     (SAGNAC_UNCORRECTED | SAGNAC_OUT_OF_SPAN | SAGNAC_RATE_OUT_OF_SPAN | SAGNAC_OVERFLOW | SAGNAC_NO_DITHER | SAGNAC_COUNTS_LOST |     \
      SAGNAC_STUCK | SAGNAC_OUTVOTED)
 
-/* The largest effects of an input on the increment, Q40 counts per tick; slope per half span. */
+/* The largest effects of an input on the increment, Q40 counts per tick; slope per half span, jump of its steps. */
 typedef struct {
     int64_t curve;
     int64_t rate;
     int64_t slope;
+    int64_t jump;
 } bound_effects;
 
 static int64_t least(int64_t one, int64_t other)
@@ -40,7 +41,7 @@ static int64_t scaled(int64_t effect, int64_t part_q16)
     return times(sagnac_floor_shift(effect, 16U) + 1, part_q16);
 }
 
-/* Of T_n the steepest slope is n^2, of a harmonic pi times its turns. A step has none: it counts whole. */
+/* Of T_n the steepest slope is n^2, of a harmonic pi times its turns. A step has none. */
 static int64_t bound_slope(const sagnac_term *term)
 {
     const uint32_t turns = term->turns_q18 >> 16U;
@@ -50,7 +51,7 @@ static int64_t bound_slope(const sagnac_term *term)
         slope = 1;
         break;
     case SAGNAC_STEP:
-        slope = 2;
+        slope = 0;
         break;
     case SAGNAC_COSINE:
     case SAGNAC_SINE:
@@ -66,7 +67,7 @@ static int64_t bound_slope(const sagnac_term *term)
 
 static bound_effects effects_of(const sagnac_image *image, uint32_t input)
 {
-    bound_effects effects = {0, 0, 0};
+    bound_effects effects = {0, 0, 0, 0};
     uint32_t i;
     for (i = 0U; i < image->term_count; i++) {
         const sagnac_term *term = &image->terms[i];
@@ -75,6 +76,9 @@ static bound_effects effects_of(const sagnac_image *image, uint32_t input)
             const int64_t size = sagnac_floor_shift(full, term->shift) + 1;
             /* The image bounds the sum of sizes: 2^54, and no slope is above 257. */
             effects.slope += size * bound_slope(term);
+            if (term->shape == SAGNAC_STEP) {
+                effects.jump += size;
+            }
             if (term->times_rate != 0U) {
                 effects.rate += size;
             } else if ((term->shape == SAGNAC_CHEBYSHEV) && (term->order == 0U)) {
@@ -187,7 +191,7 @@ static int64_t while_held(const bound_effects *effects, const sagnac_image *imag
         const int64_t half_q24 = ((int64_t)spec->span_hi_q24 - (int64_t)spec->span_lo_q24) / 2;
         const int64_t shifted = least(reach_q24, MOST_REACH) * ONE_Q16;
         const int64_t moved_q16 = least(shifted / ((half_q24 > 1) ? half_q24 : 1), (int64_t)2 * ONE_Q16) + 1;
-        effect = least(scaled(effects->slope, moved_q16), whole_of(effects));
+        effect = least(scaled(effects->slope, moved_q16), whole_of(effects)) + effects->jump;
         effect += scaled(effects->rate, rate_change_q16(spec, reach_q24, updates));
     }
     return effect;

@@ -4,7 +4,8 @@
 //! bound    max(0.1 °/h, 0.05·ΣR) + Σ R·α·step/far        status 0; R the effect of an input's rate at its border `far`
 //! settling + 2·R·exp(−n·α)                              n slow updates after the lag began
 //! open     + 2·(C + R)                                  C the effect of the input itself: its value may be wrong
-//! held     + min(2·(C + R), D·reach/half + R·Δy)        D the steepest slope of the terms, reach the limit of slope times the hold,
+//! held     + min(2·(C + R), D·reach/half + J + R·Δy)    D the steepest slope of the terms, reach the limit of slope times the hold,
+//!                                                       J the sum of the steps, which a hold may pass over,
 //!                                                       Δy ≤ α·reach·(1 + n·α)/far + n·α the change of the rate
 //! ```
 //!
@@ -156,6 +157,8 @@ struct Effects {
     rate: i64,
     /// Per half span of the input.
     slope: i64,
+    /// Of its steps.
+    jump: i64,
 }
 
 impl Effects {
@@ -163,15 +166,18 @@ impl Effects {
         let mut effects = Self::default();
         for term in image.terms().iter().filter(|term| usize::from(term.input) == at && term.kind == Kind::Bias) {
             let size = term.bound_q40();
-            // Of T_n: n². Of a harmonic: π·turns. A step has none: it counts whole.
+            // Of T_n: n². Of a harmonic: π·turns. A step has none.
             let slope = match term.shape {
                 Shape::Chebyshev(order) => i64::from(order) * i64::from(order),
                 Shape::Zone { .. } => 1,
-                Shape::Step { .. } => 2,
+                Shape::Step { .. } => 0,
                 Shape::Cosine { turns_q18 } | Shape::Sine { turns_q18 } => (i64::from(turns_q18) >> 16) + 1,
             };
             // The image bounds the sum of sizes: 2⁵⁴, and no slope is above 257.
             effects.slope += size * slope;
+            if matches!(term.shape, Shape::Step { .. }) {
+                effects.jump += size;
+            }
             match term.multiplier {
                 Multiplier::Rate => effects.rate += size,
                 Multiplier::One if term.shape == Shape::Chebyshev(0) => {}
@@ -211,7 +217,8 @@ impl Effects {
         let Some(reach_q24) = parents.reach_q24(updates) else { return self.whole() };
         let half_q24 = (i64::from(spec.span_hi_q24) - i64::from(spec.span_lo_q24)) / 2;
         let moved_q16 = ((reach_q24.min(MOST_REACH) << 16) / half_q24.max(1)).min(2 * ONE_Q16) + 1;
-        scaled(self.slope, moved_q16).min(self.whole()) + scaled(self.rate, rate_change_q16(spec, reach_q24, updates))
+        let turned = scaled(self.rate, rate_change_q16(spec, reach_q24, updates));
+        scaled(self.slope, moved_q16).min(self.whole()) + self.jump + turned
     }
 }
 
