@@ -332,6 +332,16 @@ static int64_t board_counted(sagnac_board *board, int32_t counts, uint32_t lost_
     return counted;
 }
 
+/* The sum of a frame, with OVERFLOW where 32 bits do not hold it. */
+static uint32_t board_summed(sagnac_board *board, uint32_t sum, int32_t counts)
+{
+    const int64_t wide = (int64_t)(int32_t)sum + (int64_t)counts;
+    if (wide != (int64_t)(int32_t)sagnac_held(wide, -(int64_t)2147483648, (int64_t)2147483647)) {
+        board->frame.status |= SAGNAC_OVERFLOW;
+    }
+    return sum + (uint32_t)counts;
+}
+
 static void board_correct(sagnac_board *board, int64_t counted, uint32_t status)
 {
     const int64_t most = (int64_t)SAGNAC_MAX_RAW;
@@ -342,13 +352,13 @@ static void board_correct(sagnac_board *board, int64_t counted, uint32_t status)
         board->frame.status |= SAGNAC_OVERFLOW;
     }
     if (sagnac_compensator_tick(&board->image, &board->state, raw, &output) == SAGNAC_OK) {
-        board->frame.counts += (uint32_t)output.counts;
+        board->frame.counts = board_summed(board, board->frame.counts, output.counts);
         board->frame.status |= output.status | board_origin_status(board->origin) | status;
     }
     if (board->still != 0U) {
         board->frame.status |= SAGNAC_STUCK;
     }
-    board->frame.raw += (uint32_t)raw;
+    board->frame.raw = board_summed(board, board->frame.raw, raw);
 }
 
 static void board_loops(sagnac_board *board, int32_t light, sagnac_actuators *actuators)
@@ -368,7 +378,11 @@ static void board_loops(sagnac_board *board, int32_t light, sagnac_actuators *ac
 
 static uint32_t board_frame_ticks(const sagnac_board *board)
 {
-    return (board->setup.frame_ticks > 0U) ? (board->setup.frame_ticks & 0xFFFFU) : 1U;
+    uint32_t ticks = board->setup.frame_ticks;
+    if (ticks == 0U) {
+        ticks = 1U;
+    }
+    return (ticks < 65535U) ? ticks : 65535U;
 }
 
 /* The payload of docs/reference/serial-line.md. */
@@ -429,7 +443,7 @@ void sagnac_board_make_up(sagnac_board *board, uint32_t missed_ticks)
             ticks = (rest < board->state.ticks_to_update) ? rest : board->state.ticks_to_update;
             /* No misuse is possible: no counts, and no tick past a slow update. */
             (void)sagnac_compensator_advance(&board->image, &board->state, 0, ticks, &output);
-            board->frame.counts += (uint32_t)output.counts;
+            board->frame.counts = board_summed(board, board->frame.counts, output.counts);
             board->frame.status |= output.status;
             board->frame.tick = (board->frame.tick + ticks) & 0xFFFFFFFFU;
             /* No ticks to the update after one: the image turned over. */

@@ -88,7 +88,7 @@ typedef struct {
     uint32_t watches; /* the image's thermometers are watched (sagnac_watch.h), in 2^-24 degC */
     sagnac_watch_spec watch_spec;
     uint32_t heats; /* the path-length actuator is a heater */
-    uint32_t frame_ticks; /* of an output frame, at most 65,535; usually SAGNAC_FRAME_TICKS; 0 as 1 */
+    uint32_t frame_ticks; /* of an output frame, 1 to 65,535; usually SAGNAC_FRAME_TICKS */
 } sagnac_board_setup;
 
 /* The board of one axis; keep it in static memory. Read it freely; change it only through the functions. */

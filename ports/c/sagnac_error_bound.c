@@ -185,12 +185,12 @@ static int64_t while_held(const bound_effects *effects, const sagnac_image *imag
     int64_t effect = 0;
     if (spec->source == SAGNAC_WARM_UP) {
         effect = scaled(effects->rate, rate_change_q16(spec, 0, updates));
-    } else if (parents_reach(image, input, updates, &reach_q24) == 0U) {
-        effect = whole_of(effects);
     } else {
         const int64_t half_q24 = ((int64_t)spec->span_hi_q24 - (int64_t)spec->span_lo_q24) / 2;
-        const int64_t shifted = least(reach_q24, MOST_REACH) * ONE_Q16;
-        const int64_t moved_q16 = least(shifted / ((half_q24 > 1) ? half_q24 : 1), (int64_t)2 * ONE_Q16) + 1;
+        int64_t moved_q16;
+        (void)parents_reach(image, input, updates, &reach_q24);
+        moved_q16 = (least(reach_q24, MOST_REACH) * ONE_Q16) / ((half_q24 > 1) ? half_q24 : 1);
+        moved_q16 = least(moved_q16, (int64_t)2 * ONE_Q16) + 1;
         effect = least(scaled(effects->slope, moved_q16), whole_of(effects)) + effects->jump;
         effect += scaled(effects->rate, rate_change_q16(spec, reach_q24, updates));
     }
@@ -203,7 +203,12 @@ static int64_t of_fault(const bound_effects *effects, const sagnac_image *image,
     const sagnac_input *spec = &image->inputs[input];
     const sagnac_input_state *memory = &state->inputs[input];
     int64_t off = 0;
-    if (parents_are_open(image, state, input) != 0U) {
+    int64_t reach_q24;
+    uint32_t may_be_wrong = parents_are_open(image, state, input);
+    if ((spec->source != SAGNAC_WARM_UP) && (parents_reach(image, input, 0U, &reach_q24) == 0U)) {
+        may_be_wrong = SAGNAC_YES;
+    }
+    if (may_be_wrong != 0U) {
         off = whole_of(effects);
     } else {
         if ((spec->alpha_mantissa != 0U) && (memory->settled_updates <= spec->settling_updates)) {

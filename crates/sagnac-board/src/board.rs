@@ -290,13 +290,13 @@ impl Board {
         }
         // No misuse is possible: a due update was made, and the counts are in range.
         if let Ok(output) = self.gyro.tick(&mut self.state, raw) {
-            self.frame.counts = self.frame.counts.wrapping_add(output.counts);
+            self.frame.counts = self.summed(self.frame.counts, output.counts);
             self.frame.status |= output.status | of_origin(self.origin) | sample.status;
         }
         if self.standing_still() != 0 {
             self.frame.status |= Status::STUCK;
         }
-        self.frame.raw = self.frame.raw.wrapping_add(raw);
+        self.frame.raw = self.summed(self.frame.raw, raw);
         let commands = self.loops(sample.light);
         (commands, self.end_of_tick(&commands))
     }
@@ -325,7 +325,7 @@ impl Board {
             }
             let ticks = rest.min(self.state.ticks_to_update());
             if let Ok(output) = self.gyro.advance(&mut self.state, 0, ticks) {
-                self.frame.counts = self.frame.counts.wrapping_add(output.counts);
+                self.frame.counts = self.summed(self.frame.counts, output.counts);
                 self.frame.status |= output.status;
             }
             self.frame.tick = self.frame.tick.wrapping_add(ticks);
@@ -403,6 +403,16 @@ impl Board {
             }
             self.frame.error_milli_dph = self.frame.error_milli_dph.max(self.error.milli_dph());
         }
+    }
+
+    /// The sum of a frame, with OVERFLOW where 32 bits do not hold it.
+    #[inline]
+    fn summed(&mut self, sum: i32, counts: i32) -> i32 {
+        let (sum, wraps) = sum.overflowing_add(counts);
+        if wraps {
+            self.frame.status |= Status::OVERFLOW;
+        }
+        sum
     }
 
     fn count(&mut self, counts: i32, lost_steps: u32, pickoff: i32) -> i64 {

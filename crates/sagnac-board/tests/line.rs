@@ -377,7 +377,9 @@ fn angles_of_frames_lose_nothing() {
 /// The number next to the status: none without an image in force, then the most of a frame's slow updates.
 #[test]
 fn a_frame_has_the_bound_of_its_error() {
-    let paper = Image::decode(PAPER).unwrap();
+    let mut limited = *Image::decode(PAPER).unwrap().description();
+    (limited.inputs[0].largest_step_q8, limited.inputs[0].step_growth) = (128, 8);
+    let paper = Image::new(limited).unwrap();
     let mut board = Board::new(StartCause::PowerOn, paper, Origin::Newest, &setup(None), (false, false));
     let mut next = |code: Option<i32>| {
         let sample = Sample { codes: [code, None, None, None], ..Sample::default() };
@@ -410,4 +412,19 @@ fn a_gyro_reads_the_messages_for_its_axis() {
     let code = sagnac_board::frame::axis_code(own);
     assert!(answers(own).iter().chain(&answers(0)).all(|frame| frame.axis == code));
     assert_eq!([own, 0, other].map(|letter| answers(letter).len()), [2, 2, 1]);
+}
+
+/// More counts than 32 bits hold in a long frame: the status says it, and the number next to it is none.
+#[test]
+fn a_frame_that_wraps_says_so() {
+    let image = Image::decode(PAPER).unwrap();
+    let setup = BoardSetup { frame_ticks: 10, ..setup(None) };
+    for (of_tick, wraps) in [(1 << 28, true), (200_000_000, false), (-(1 << 28), true)] {
+        let mut board = Board::new(StartCause::PowerOn, image, Origin::Newest, &setup, (false, false));
+        let sample = Sample { codes: [Some(20 << 24), None, None, None], ..Sample::default() };
+        let mut ticks = std::iter::repeat_with(|| board.tick_counts(of_tick, 0, &sample).1);
+        let frame = ticks.by_ref().flatten().nth(1).unwrap();
+        assert_eq!(frame.status.contains(Status::OVERFLOW), wraps, "{of_tick}: {frame:?}");
+        assert!(!wraps || frame.error_milli_dph == UNBOUNDED);
+    }
 }

@@ -385,6 +385,10 @@ fn three_axes_are_one_export() {
     );
     let (status, _, said) = sagnac(&["export", text(&x), text(&x), "--to", "c", "-o", text(&out)]);
     assert!(status == 2 && said.contains("another input has this axis"), "{said}");
+    // One letter in two cases has one name in C and one address on the line.
+    let capital = axis(b'Z');
+    let (status, _, said) = sagnac(&["export", text(&z), text(&capital), "--to", "c", "-o", text(&out)]);
+    assert!(status == 2 && said.contains("another input has this axis"), "{said}");
     // Uploads: a file each, and each frame is for its axis.
     let up = folder.path().join("unit.up");
     assert_eq!(sagnac(&["export", text(&x), text(&z), "--to", "upload", "-o", text(&up)]).0, 0);
@@ -394,4 +398,20 @@ fn three_axes_are_one_export() {
         let frames: Vec<Frame> = bytes.iter().filter_map(|byte| reader.push(*byte)).collect();
         assert!(frames.len() > 2 && frames.iter().all(|frame| frame.axis == code), "{letter}");
     }
+}
+
+/// A message for an axis without an address would be one for every gyro; an answer needs no output file.
+#[test]
+fn a_message_names_an_axis_that_has_an_address() {
+    let (status, _, said) = sagnac(&["line", "send", "roll-back", "--axis", "q"]);
+    assert!(status == 2 && said.contains("x, y and z alone"), "{said}");
+    let folder = tempfile::tempdir().unwrap();
+    let key = folder.path().join("unit.key");
+    assert_eq!(sagnac(&["key", "new", "-o", text(&key)]).0, 0);
+    let challenge = "1b".repeat(16);
+    let args = ["--challenge", &challenge, "--key", text(&key), "--serial", "RLG-0001"];
+    let (status, _, said) = sagnac(&[&["line", "send", "answer", "commit"], &args[..], &["--axis", "z"]].concat());
+    assert_eq!(status, 0, "{said}");
+    let (status, _, said) = sagnac(&[&["line", "send", "answer", "commit"], &args[..]].concat());
+    assert!(status == 2 && said.contains("an answer is for one axis"), "{said}");
 }

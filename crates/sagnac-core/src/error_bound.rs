@@ -3,14 +3,15 @@
 //! ```text
 //! bound    max(0.1 °/h, 0.05·ΣR) + Σ R·α·step/far        status 0; R the effect of an input's rate at its border `far`
 //! settling + 2·R·exp(−n·α)                              n slow updates after the lag began
-//! open     + 2·(C + R)                                  C the effect of the input itself: its value may be wrong
+//! open     + 2·(C + R)                                  C the effect of the input itself: its value may be wrong. Always, where the image
+//!                                                       has no limit of slope for the input
 //! held     + min(2·(C + R), D·reach/half + J + R·Δy)    D the steepest slope of the terms, reach the limit of slope times the hold,
 //!                                                       J the sum of the steps, which a hold may pass over,
 //!                                                       Δy ≤ α·reach·(1 + n·α)/far + n·α the change of the rate
 //! ```
 //!
 //! It bounds the fault, not the calibration: add the calibration's own uncertainty. There is no bound where an input is outside its span or
-//! without a value since power-on, and none against a reading that moves within the limit of slope and is wrong. Scale terms count for
+//! without a value since power-on, and none against a reading that is wrong and moves by no more than a largest step at a time. Scale terms count for
 //! nothing: their effect follows the input rate.
 
 use crate::compensator::State;
@@ -197,7 +198,8 @@ impl Effects {
     }
 
     fn of_fault(self, spec: &InputSpec, memory: &InputState, parents: Parents<'_>, held_updates: u32) -> i64 {
-        if parents.are_open() {
+        let is_limited = spec.source == ValueSource::WarmUp || parents.reach_q24(0).is_some();
+        if !is_limited || parents.are_open() {
             return self.whole();
         }
         let mut off = 0;
@@ -214,7 +216,7 @@ impl Effects {
         if spec.source == ValueSource::WarmUp {
             return scaled(self.rate, rate_change_q16(spec, 0, updates));
         }
-        let Some(reach_q24) = parents.reach_q24(updates) else { return self.whole() };
+        let reach_q24 = parents.reach_q24(updates).unwrap_or(MOST_REACH);
         let half_q24 = (i64::from(spec.span_hi_q24) - i64::from(spec.span_lo_q24)) / 2;
         let moved_q16 = ((reach_q24.min(MOST_REACH) << 16) / half_q24.max(1)).min(2 * ONE_Q16) + 1;
         let turned = scaled(self.rate, rate_change_q16(spec, reach_q24, updates));
@@ -355,7 +357,9 @@ mod tests {
     /// SAG-CORE-031: none before the first value; more while it may be wrong, less after, without end while nothing comes.
     #[test]
     fn the_bound_follows_the_status() {
-        let image = Image::decode(include_bytes!("../../../testdata/image/paper.img")).unwrap();
+        let mut d = *Image::decode(include_bytes!("../../../testdata/image/paper.img")).unwrap().description();
+        (d.inputs[0].largest_step_q8, d.inputs[0].step_growth) = (128, 8);
+        let image = Image::new(d).unwrap();
         let gyro = Compensator::new(image);
         let (mut state, mut bound) = (State::new(), ErrorBound::new());
         assert_eq!(bound.milli_dph(), UNBOUNDED);
@@ -373,6 +377,11 @@ mod tests {
         let held: std::vec::Vec<u32> = (0..100).map(|_| update(None).1).collect();
         assert!(held.windows(2).all(|pair| pair[1] >= pair[0]) && held[99] > settled.1, "{settled:?} {held:?}");
         assert!(update(Some(120 << 24)).1 >= held[99]);
+        // Without a limit of slope a value may be wrong at any time.
+        d.inputs[0].step_growth = 0;
+        let unlimited = Image::new(d).unwrap();
+        bound.update(&unlimited, &state);
+        assert!(bound.milli_dph() == UNBOUNDED || bound.milli_dph() >= first.1, "{bound:?} {first:?}");
         assert!(ErrorBound::is_open_ended(Status::STUCK) && !ErrorBound::is_open_ended(Status::SURVIVOR));
     }
 }

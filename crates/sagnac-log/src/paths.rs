@@ -62,7 +62,8 @@ pub fn matches_among(pattern: &str, mut names: Vec<PathBuf>) -> Result<Vec<PathB
     let refused = |what: String| {
         Error::input(what, "give an existing file, or a pattern such as 'run-*.csv' in quotes").file(pattern)
     };
-    let matcher = glob::Pattern::new(pattern).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
+    let matcher = glob::Pattern::new(&pattern.replace("[^", "[!"))
+        .map_err(|e| refused(format!("not a pattern of names: {e}")))?;
     // As on a file system: a sign stands for a part of one name, and hidden ones are passed over.
     names.retain(|name| matcher.matches_path_with(name, AS_FILES));
     if names.is_empty() {
@@ -123,7 +124,8 @@ fn matches(pattern: &Path) -> Result<Vec<PathBuf>> {
         found = match part.as_os_str().to_str() {
             Some("**") => found.iter().flat_map(|folder| with_all_below(folder)).collect(),
             Some(signs) if matches!(part, Component::Normal(_)) && signs.contains(SIGNS) => {
-                let matcher = glob::Pattern::new(signs).map_err(|e| refused(format!("not a pattern of names: {e}")))?;
+                let matcher = glob::Pattern::new(&signs.replace("[^", "[!"))
+                    .map_err(|e| refused(format!("not a pattern of names: {e}")))?;
                 found.iter().flat_map(|folder| named(folder, &matcher)).collect()
             }
             _ => found.into_iter().map(|folder| folder.join(part)).collect(),

@@ -81,6 +81,22 @@ impl Files {
                 return refused("two outputs have this name", "give each output its own name");
             }
         }
+        if let Some(link) = self.figures.iter().find_map(|folder| linked_figure(folder)) {
+            return Err(Error::input(
+                "this is a link, and a figure may get its name",
+                "give the figures a folder of their own",
+            )
+            .file(link.display().to_string()));
+        }
+        if let Some(path) =
+            self.figures.iter().find(|folder| self.reads.contains(folder) || self.writes.contains(folder))
+        {
+            return Err(Error::input(
+                "a folder for figures has the name of another file",
+                "give the figures a folder of their own",
+            )
+            .file(path.display().to_string()));
+        }
         let among_figures =
             |path: &&PathBuf| has_extension(path, "svg") && self.figures.iter().any(|at| is_in(path, at));
         match self.reads.iter().chain(&self.writes).find(among_figures) {
@@ -91,6 +107,12 @@ impl Files {
             }
         }
     }
+}
+
+/// A link in a folder that could stand for a figure.
+fn linked_figure(folder: &Path) -> Option<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    entries.map(|entry| entry.path()).find(|path| has_extension(path, "svg") && path.is_symlink())
 }
 
 /// A file whose folder is this one.

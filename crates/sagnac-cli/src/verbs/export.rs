@@ -317,10 +317,17 @@ fn axes(args: &Args) -> Result<Vec<UnitAxis>> {
     for input in &args.inputs {
         for axis in axes_of(args, input)? {
             let letter = axis.image.description().axis;
-            if all.iter().any(|before| before.image.description().axis == letter) {
-                return Err(Error::input("another input has this axis", "give each axis once")
-                    .file(input.display().to_string())
-                    .value(char::from(letter).to_string()));
+            let refused = |what: &str, help: &str, value: String| {
+                Err(Error::input(what, help).file(input.display().to_string()).value(value))
+            };
+            // Their constants, and their address on the line, are the same.
+            if all.iter().any(|before| before.image.description().axis.eq_ignore_ascii_case(&letter)) {
+                return refused("another input has this axis", "give each axis once", char::from(letter).to_string());
+            }
+            let tick_ns = axis.image.description().tick_ns;
+            if all.iter().any(|before| before.image.description().tick_ns != tick_ns) {
+                let help = "calibrate all axes with one tick_s, or export them apart";
+                return refused("another input has another tick", help, format!("{tick_ns} ns"));
             }
             all.push(axis);
         }

@@ -212,7 +212,7 @@ pub struct AuxSetup {
     /// How long a correction is kept without a value before it is STALE, s.
     #[serde(default = "default_stale_after")]
     pub stale_after_s: f64,
-    /// Largest step between two temperature periods that the target takes for a value at once; 0 for any step. By default three times the
+    /// Largest step between two temperature periods that the target takes for a value at once; 0 for any step. By default 1.5 times the
     /// largest of the logs.
     #[serde(default)]
     pub max_step: Option<f64>,

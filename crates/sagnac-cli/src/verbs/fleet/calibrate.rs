@@ -65,7 +65,12 @@ impl Verb for Args {
         fleet::check_output(&self.output, &self.source)?;
         let units = units_of(&self.source)?;
         let logs = units.iter().flat_map(|unit| unit.runs.iter().chain(&unit.retests).chain(&unit.setup));
-        let inputs = Files::new().reads([&self.source]).reads(&self.setup.setup).reads(&self.prior).reads(logs);
+        let inputs = Files::new()
+            .reads([&self.source])
+            .reads(&self.setup.setup)
+            .reads(&self.prior)
+            .reads(&self.limits)
+            .reads(logs);
         inputs
             .writes(units.iter().flat_map(|unit| outputs_of(unit, &self.output)).chain([self.output.join(TABLE)]))
             .compare()?;

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Subcommand;
 use sagnac::{Error, Result};
+use sagnac_board::frame::axis_code;
 use sagnac_board::{Change, Message};
 use sagnac_log::write::write_bytes;
 
@@ -85,7 +86,8 @@ impl Verb for Args {
             LineMessage::RollBack => Message::RollBack,
             LineMessage::Service { change } => Message::Service(change.on_line()),
             LineMessage::Answer { change, challenge, key, serial } => {
-                Files::new().reads([key]).writes([&self.output]).check()?;
+                let file = Some(&self.output).filter(|path| path.as_os_str() != "-");
+                Files::new().reads([key]).writes(file).check()?;
                 let axis = self.axis.ok_or_else(|| {
                     Error::input("an answer is for one axis", "add its letter, such as --axis z").column("--axis")
                 })?;
@@ -93,6 +95,14 @@ impl Verb for Args {
             }
         };
         let axis = self.axis.map_or(Ok(0), axis_byte)?;
+        if axis != 0 && axis_code(axis) == 0 && !matches!(self.message, LineMessage::Answer { .. }) {
+            return Err(Error::input(
+                "x, y and z alone have an address on the line",
+                "remove --axis: every gyro reads it",
+            )
+            .column("--axis")
+            .value(char::from(axis).to_string()));
+        }
         let bytes = frame_bytes(&message, axis)?;
         if self.output.as_os_str() == "-" {
             use std::io::Write as _;

@@ -86,9 +86,9 @@ struct Unpacked<R> {
 }
 
 /// Rows that differ in their times alone pack to a fortieth.
-const MOST_TIMES_PACKED: u64 = 200;
+const MOST_TIMES_PACKED: u64 = 100;
 /// Below this it does not matter.
-const FREE_UNPACKED_BYTES: u64 = 256 << 20;
+const FREE_UNPACKED_BYTES: u64 = 16 << 20;
 
 impl<R: Read> Read for Unpacked<R> {
     fn read(&mut self, buffer: &mut [u8]) -> std::io::Result<usize> {
