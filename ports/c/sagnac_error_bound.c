@@ -165,14 +165,21 @@ static uint32_t parents_reach(const sagnac_image *image, uint32_t input, uint32_
     return has;
 }
 
+/* A first value or a step may be wrong, or a jump is weighed: it or the value before. */
+static uint32_t is_open(const sagnac_image *image, const sagnac_compensator_state *state, uint32_t input)
+{
+    const sagnac_input_state *memory = &state->inputs[input];
+    return ((memory->steady_updates > 0U) || (sagnac_input_is_open(&image->inputs[input], memory) != 0U)) ? SAGNAC_YES : SAGNAC_NO;
+}
+
 /* A code behind an input may be wrong. */
 static uint32_t parents_are_open(const sagnac_image *image, const sagnac_compensator_state *state, uint32_t input)
 {
     const sagnac_input *spec = &image->inputs[input];
     const uint32_t first = ((spec->source == SAGNAC_DIFFERENCE) || (spec->source == SAGNAC_REPEAT)) ? spec->of : input;
-    uint32_t open = sagnac_input_is_open(&image->inputs[first], &state->inputs[first]);
+    uint32_t open = is_open(image, state, first);
     if ((open == 0U) && (spec->source == SAGNAC_DIFFERENCE)) {
-        open = sagnac_input_is_open(&image->inputs[spec->less], &state->inputs[spec->less]);
+        open = is_open(image, state, spec->less);
     }
     return open;
 }

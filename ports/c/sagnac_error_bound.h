@@ -4,7 +4,8 @@
  *   bound    max(0.1 deg/h, 0.05 * sum R) + sum R * alpha * step / far    status 0; R the effect of an input's rate at its border far
  *   settling + 2 * R * exp(-n * alpha)                                   n slow updates after the lag began
  *   open     + 2 * (C + R)                                               C the effect of the input itself: its value may be wrong;
- *                                                                        always, where the image has no limit of slope for the input
+ *                                                                        also while a jump is weighed, and always where the image has no
+ *                                                                        limit of slope for the input
  *   held     + min(2 * (C + R), the steepest slope of the terms times the limit of slope and the hold, the steps, and the change of the rate)
  *
  * Bit for bit the Rust crate sagnac-core. It bounds a fault, not the calibration: add the calibration's own uncertainty. There is no bound

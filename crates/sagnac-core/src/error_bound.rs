@@ -3,8 +3,8 @@
 //! ```text
 //! bound    max(0.1 °/h, 0.05·ΣR) + Σ R·α·step/far        status 0; R the effect of an input's rate at its border `far`
 //! settling + 2·R·exp(−n·α)                              n slow updates after the lag began
-//! open     + 2·(C + R)                                  C the effect of the input itself: its value may be wrong. Always, where the image
-//!                                                       has no limit of slope for the input
+//! open     + 2·(C + R)                                  C the effect of the input itself: its value may be wrong. Also while a jump is
+//!                                                       weighed, and always where the image has no limit of slope for the input
 //! held     + min(2·(C + R), D·reach/half + J + R·Δy)    D the steepest slope of the terms, reach the limit of slope times the hold,
 //!                                                       J the sum of the steps, which a hold may pass over,
 //!                                                       Δy ≤ α·reach·(1 + n·α)/far + n·α the change of the rate
@@ -142,7 +142,7 @@ impl Parents<'_> {
     }
 
     fn are_open(&self) -> bool {
-        self.each().any(|(spec, memory)| memory.is_open(spec))
+        self.each().any(|(spec, memory)| memory.is_open(spec) || memory.weighs_a_jump())
     }
 
     /// 2⁻²⁴ °C; `None` without a limit of slope.

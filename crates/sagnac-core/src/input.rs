@@ -390,6 +390,11 @@ impl InputState {
         self.open_updates > 0 && from_before < t.abs_diff(last) && from_before <= spec.reach_q24(self.open_updates)
     }
 
+    /// A value was too far from the last one, and has not stayed for long enough: either may be wrong.
+    pub(crate) const fn weighs_a_jump(&self) -> bool {
+        self.steady_updates > 0
+    }
+
     /// Nothing shows yet that the first value was right, or a step is open.
     pub(crate) const fn is_open(&self, spec: &InputSpec) -> bool {
         spec.step_growth > 0 && (self.settled_updates <= START_UPDATES || self.open_updates > 0)
