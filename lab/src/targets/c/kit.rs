@@ -139,7 +139,7 @@ impl Drop for Emulator {
 
 /// Three axes on one line; an upload to the second reaches it alone.
 fn on_the_board(program: &Path, newer: &Image) -> Result<()> {
-    let machine = ["-M", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "stdio", "-icount", "shift=5"];
+    let machine = ["-M", "mps2-an386", "-nographic", "-monitor", "none", "-serial", "stdio", "-icount", "shift=4"];
     let mut command = Command::new("qemu-system-arm");
     command.args([&machine[..], &["-kernel", text(program)?]].concat());
     let piped = command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::null());
