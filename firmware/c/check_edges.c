@@ -734,6 +734,11 @@ static void board_counts(void)
     EXPECT(sagnac_board_tick(&board, 0, 0U, &sample, &actuators, &frame) == SAGNAC_YES);
     EXPECT((sagnac_read_u16(sagnac_octet_at, frame.payload, 14U) & SAGNAC_OVERFLOW) != 0U);
     EXPECT(sagnac_read_u32(sagnac_octet_at, frame.payload, 10U) == (uint32_t)SAGNAC_MAX_RAW);
+    /* As many as a call accepts, in every tick: 32 bits do not hold their sum. */
+    for (tick = 0U; tick < SAGNAC_FRAME_TICKS; tick++) {
+        (void)sagnac_board_tick(&board, SAGNAC_MAX_RAW, 0U, &sample, &actuators, &frame);
+    }
+    EXPECT((sagnac_read_u16(sagnac_octet_at, frame.payload, 14U) & SAGNAC_OVERFLOW) != 0U);
 }
 
 /* Light that does not answer to the path: never LOCKED, always reported. With or without a search, and a start at half a wavelength. */
