@@ -239,3 +239,26 @@ pub(crate) enum SessionEnd {
     /// It was not made.
     NotConnected(String),
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::mpsc::sync_channel;
+
+    use super::*;
+
+    /// A thread that panics says so, and its source begins again.
+    #[test]
+    fn a_fault_of_a_source_is_a_loss() {
+        let (to, from) = sync_channel(8);
+        let out = Out { number: 0, clock: ArrivalClock::start(0), to, stop: Stop::default() };
+        let mut sessions = 0;
+        out.keep(|_| {
+            sessions += 1;
+            assert!(sessions > 1, "a fault on purpose");
+            SessionEnd::Ended
+        });
+        drop(out);
+        let said: Vec<SourceEvent> = from.iter().map(|arrived| arrived.what).collect();
+        assert_eq!(said, [SourceEvent::Lost("a fault of this program".to_owned()), SourceEvent::Ended]);
+    }
+}
