@@ -15,6 +15,7 @@
 #include <stddef.h>
 #include <stdio.h>
 
+#include "records.h"
 #include "sagnac_board.h"
 #include "sagnac_hash.h"
 #include "sagnac_quadrature.h"
@@ -28,21 +29,6 @@ static sagnac_quadrature counter;
 static sagnac_actuators actuators;
 static uint32_t quarter;
 static sagnac_octet octets[SAGNAC_MAX_IMAGE];
-
-static uint32_t word(FILE *file, int count)
-{
-    uint32_t value = 0U;
-    int i;
-    for (i = 0; i < count; i++) {
-        value |= (uint32_t)(fgetc(file) & 255) << (8 * i);
-    }
-    return value;
-}
-
-static int32_t as_signed(uint32_t value)
-{
-    return value <= UINT32_C(0x7fffffff) ? (int32_t)value : -(int32_t)(UINT32_MAX - value) - 1;
-}
 
 static uint32_t noise(uint32_t *seed)
 {

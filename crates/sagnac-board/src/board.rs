@@ -23,6 +23,7 @@ use sagnac_loops::{
     QuadratureState, Stripper,
 };
 
+use crate::frame_angle::FrameAngle;
 use crate::message::{OutputFrame, image_code};
 
 /// Usual ticks of an output frame: 10 ms at 100 µs.
@@ -113,30 +114,7 @@ pub struct Board {
     ticks_so_far: u16,
     /// In slices, in the ticks behind a slow update.
     error: ErrorBound,
-    angle_of_count: AngleOfCount,
-    /// 10⁻¹⁵ arcsec below the unit of the last frame's angle.
-    angle_rest: i64,
-}
-
-/// 10⁻¹⁵ arcsec of the unit of a frame's angle.
-const NANO_FEMTO: i64 = 1_000_000;
-
-/// The angle of one count, 10⁻⁹ arcsec and 10⁻¹⁵ arcsec, and the counts of a frame beyond which its angle stays at its largest value: thousands
-/// of turns.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct AngleOfCount {
-    whole: i64,
-    part: i64,
-    most: i64,
-}
-
-impl AngleOfCount {
-    fn of(image: &Image) -> Self {
-        let femto = image.description().scale_factor_femto_arcsec;
-        let unit = NANO_FEMTO.cast_unsigned();
-        let (whole, part) = (femto.div_euclid(unit).cast_signed(), femto.rem_euclid(unit).cast_signed());
-        Self { whole, part, most: (i64::MAX / 2).checked_div(whole + 1).unwrap_or(0) }
-    }
+    angle: FrameAngle,
 }
 
 /// Slow updates in so many seconds.
@@ -182,8 +160,7 @@ impl Board {
             },
             ticks_so_far: 0,
             error: ErrorBound::new(),
-            angle_of_count: AngleOfCount::of(&image),
-            angle_rest: 0,
+            angle: FrameAngle::of(&image),
         }
     }
 
@@ -198,7 +175,7 @@ impl Board {
         if loaded.image != *self.image() {
             self.image_checksum = loaded.image.checksum() ^ u32::from(image_code(self.origin, self.trial));
             self.gyro = Compensator::new(loaded.image);
-            self.angle_of_count = AngleOfCount::of(&loaded.image);
+            self.angle.take_scale_of(&loaded.image);
             self.state = self.gyro.migrate_state(&self.state);
             self.pending = None;
             self.seal = Seal::of(&self.state, self.frame.tick);
@@ -222,7 +199,7 @@ impl Board {
             && self.watch.as_ref().map(ThermometerWatch::setup) == setup.watch
             && self.frame.frame_ticks == setup.frame_ticks.max(1)
             && self.frame.tick_ns == self.image().description().tick_ns
-            && self.angle_of_count == AngleOfCount::of(self.image())
+            && self.angle.has_scale_of(self.image())
     }
 
     /// Goes on with what flash holds after [`Board::is_intact`] was false, with [`Status::UPSET`] in the frame.
@@ -244,7 +221,7 @@ impl Board {
         }
         self.frame.frame_ticks = setup.frame_ticks.max(1);
         self.frame.tick_ns = self.image().description().tick_ns;
-        self.angle_of_count = AngleOfCount::of(self.image());
+        self.angle.take_scale_of(&loaded.image);
         self.frame.status |= Status::UPSET;
     }
 
@@ -451,7 +428,7 @@ impl Board {
             return None;
         }
         self.frame.lost_steps = self.lost_steps as u16;
-        self.frame.angle_nano_arcsec = self.angle();
+        self.frame.angle_nano_arcsec = self.angle.of_counts(self.frame.counts);
         if ErrorBound::is_open_ended(self.frame.status) {
             self.frame.error_milli_dph = UNBOUNDED;
         }
@@ -471,16 +448,6 @@ impl Board {
             ..OutputFrame::default()
         };
         Some(given)
-    }
-
-    /// The angle of the frame's counts, 10⁻⁹ arcsec; what is less than that goes to the next frame.
-    fn angle(&mut self) -> i64 {
-        let AngleOfCount { whole, part, most } = self.angle_of_count;
-        let counts = i64::from(self.frame.counts).max(-most).min(most);
-        let rest = counts * part + self.angle_rest;
-        let units = rest.div_euclid(NANO_FEMTO);
-        self.angle_rest = rest - units * NANO_FEMTO;
-        counts * whole + units
     }
 }
 

@@ -28,6 +28,7 @@
 
 mod board;
 pub mod frame;
+mod frame_angle;
 #[cfg(feature = "rig")]
 mod handler;
 mod hardware;

@@ -116,8 +116,8 @@ impl Frames {
         self.output.follow(output);
         rows.counts.missing_frames = self.output.missing;
         let ticks = i64::try_from(self.output.ticks).unwrap_or(i64::MAX);
-        let (time_ns, anew) = self.clock.at(ticks.saturating_mul(output.tick_ns.into()), at_ns);
-        if anew {
+        let (time_ns, restarted) = self.clock.at(ticks.saturating_mul(output.tick_ns.into()), at_ns);
+        if restarted {
             rows.say(at_ns, "the gyro was switched off and on: its times go on by arrival");
         }
         let ticks = self.output.ticks;
