@@ -58,7 +58,11 @@ static int read_loaded(FILE *file)
     sagnac_hash_start(&hash);
     sagnac_hash_add(&hash, octets, length);
     sagnac_hash_end(&hash, loaded.digest);
-    return sagnac_image_load(&loaded.image, sagnac_octet_at, octets, length) == SAGNAC_IMAGE_OK;
+    if (sagnac_image_load(&loaded.image, sagnac_octet_at, octets, length) != SAGNAC_IMAGE_OK) {
+        return 0;
+    }
+    loaded.image_sum = sagnac_image_sum(&loaded.image);
+    return 1;
 }
 
 static int new_board(FILE *file)

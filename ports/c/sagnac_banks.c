@@ -2,6 +2,7 @@
 #include "sagnac_banks.h"
 
 #include "sagnac_integer.h"
+#include "sagnac_upset.h"
 
 /* Layout of a bank: docs/reference/image-format.md. */
 #define COMMIT_AT 0U
@@ -345,6 +346,7 @@ void sagnac_banks_load(sagnac_banks *banks, const sagnac_gyro *gyro, sagnac_load
             loaded->digest[i] = 0U;
         }
     }
+    loaded->image_sum = sagnac_image_sum(&loaded->image);
 }
 
 /* Programs a mark of the active image's store into a row of its bank, if it is on trial. */

@@ -82,6 +82,7 @@ typedef enum {
 /* What flash holds for a gyro. */
 typedef struct {
     sagnac_image image;
+    uint32_t image_sum;                 /* sagnac_image_sum of the image, made here so that the tick does not wait for it */
     sagnac_octet digest[SAGNAC_DIGEST]; /* SHA-256 of the image's octets; zeros for the factory defaults */
     sagnac_origin origin;
     uint32_t trial;

@@ -25,7 +25,7 @@ static void board_take_image(sagnac_board *board, const sagnac_loaded *loaded)
 {
     uint32_t i;
     board->image = loaded->image;
-    board->image_sum = sagnac_image_sum(&board->image) ^ sagnac_image_code(board->origin, board->trial);
+    board->image_sum = loaded->image_sum ^ sagnac_image_code(board->origin, board->trial);
     for (i = 0U; i < SAGNAC_DIGEST; i++) {
         board->digest[i] = loaded->digest[i];
     }

@@ -109,6 +109,8 @@ pub struct Board {
     seal: Seal,
     /// The checksum of the image, exclusive or the code of origin and trial.
     image_checksum: u32,
+    /// The checksum of the image as it was given: no other image is taken for it.
+    given_checksum: u32,
     /// The frame being filled, and its ticks so far.
     frame: OutputFrame,
     ticks_so_far: u16,
@@ -140,6 +142,7 @@ impl Board {
             gyro,
             seal: Seal::of(&state, 0),
             image_checksum: image.checksum() ^ u32::from(image_code(origin, false)),
+            given_checksum: image.checksum(),
             state,
             pending: None,
             counter,
@@ -169,23 +172,32 @@ impl Board {
         self.watch.as_ref().map_or(0, |watch| watch.still)
     }
 
-    /// What flash holds now, after a message or at power-on: continues with its image, between two ticks, if that is another one.
+    /// What flash holds now, after a message or at power-on: continues with its image, between two ticks, if that is another one. The tick waits
+    /// meanwhile: a check of the firmware bounds the instructions.
     #[inline(never)]
     pub fn use_loaded(&mut self, loaded: &Loaded) {
-        if loaded.image != *self.image() {
-            self.image_checksum = loaded.image.checksum() ^ u32::from(image_code(self.origin, self.trial));
-            self.gyro = Compensator::new(loaded.image);
-            self.angle.take_scale_of(&loaded.image);
-            self.state = self.gyro.migrate_state(&self.state);
-            self.pending = None;
-            self.seal = Seal::of(&self.state, self.frame.tick);
-            // Its inputs may be other thermometers.
-            self.watch = self.watch.as_ref().map(|watch| ThermometerWatch::new(watch.setup()));
+        // No two images that flash held one after the other have one sequence number.
+        let sequence = self.image().description().sequence;
+        if loaded.checksum() != self.given_checksum || loaded.image.description().sequence != sequence {
+            self.take_image(loaded);
         }
         // A bit of the old code that turned over stays in the checksum.
         self.image_checksum ^= u32::from(image_code(self.origin, self.trial) ^ image_code(loaded.origin, loaded.trial));
         (self.origin, self.trial) = (loaded.origin, loaded.trial);
         (self.frame.origin, self.frame.trial) = (loaded.origin, loaded.trial);
+    }
+
+    /// Another image, between two ticks.
+    fn take_image(&mut self, loaded: &Loaded) {
+        self.image_checksum = loaded.checksum() ^ u32::from(image_code(self.origin, self.trial));
+        self.given_checksum = loaded.checksum();
+        self.gyro = Compensator::new(loaded.image);
+        self.angle.take_scale_of(&loaded.image);
+        self.state = self.gyro.migrate_state(&self.state);
+        self.pending = None;
+        self.seal = Seal::of(&self.state, self.frame.tick);
+        // Its inputs may be other thermometers.
+        self.watch = self.watch.as_ref().map(|watch| ThermometerWatch::new(watch.setup()));
     }
 
     /// False if a bit of the image, its origin, the loops, the stripper's or the watch's numbers turned over in memory since they were given.
@@ -205,8 +217,12 @@ impl Board {
     /// Goes on with what flash holds after [`Board::is_intact`] was false, with [`Status::UPSET`] in the frame.
     #[inline(never)]
     pub fn mend(&mut self, loaded: &Loaded, setup: &BoardSetup) {
+        if *self.image() != loaded.image {
+            self.take_image(loaded);
+        }
         self.use_loaded(loaded);
-        self.image_checksum = self.image().checksum() ^ u32::from(image_code(self.origin, self.trial));
+        self.given_checksum = loaded.checksum();
+        self.image_checksum = loaded.checksum() ^ u32::from(image_code(self.origin, self.trial));
         if self.path.0 != setup.loops.path_length {
             self.path = (setup.loops.path_length, setup.loops.path_length.start());
         }
@@ -562,7 +578,7 @@ mod tests {
         let (mut board, setup) = (board(), plain());
         assert!(board.is_intact(&setup));
         let image = *board.image();
-        let held = Loaded { image, origin: Origin::Newest, banks: [BankReport::Uncommitted; 2], trial: false };
+        let held = Loaded::new(image, Origin::Newest, [BankReport::Uncommitted; 2], false);
         let mut description = *image.description();
         description.sequence ^= 1 << 20;
         for upset in [Compensator::new(Image::new(description).unwrap()), board.gyro] {
@@ -584,7 +600,7 @@ mod tests {
         let watch = WatchSetup { spec, heats: true };
         let setup = BoardSetup { stripper: Some(Stripper::new(50, 1000)), watch: Some(watch), ..plain() };
         let image = *board().image();
-        let held = Loaded { image, origin: Origin::Newest, banks: [BankReport::Uncommitted; 2], trial: false };
+        let held = Loaded::new(image, Origin::Newest, [BankReport::Uncommitted; 2], false);
         let upsets: [fn(&mut Board); 10] = [
             |board| board.stripper = None,
             |board| board.stripper = Some(Stripper::new(50 ^ 4, 1000)),

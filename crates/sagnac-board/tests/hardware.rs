@@ -173,7 +173,7 @@ fn a_pause_keeps_the_counts_of_a_dithered_gyro() {
 }
 
 fn what_flash_holds(image: Image) -> Loaded {
-    Loaded { image, origin: Origin::Newest, banks: [BankReport::Uncommitted; 2], trial: false }
+    Loaded::new(image, Origin::Newest, [BankReport::Uncommitted; 2], false)
 }
 
 /// Another image than that of flash, or other loops, in memory: after mending both are those of flash, and one frame says so.

@@ -338,7 +338,7 @@ fn a_stuck_thermometer_is_in_the_status() {
     assert_eq!(outvoted, [1]);
     // Another image may have other thermometers in these places: the watch begins again with it.
     let other = Image::new(Description { sequence: two.sequence + 1, ..two }).unwrap();
-    let loaded = Loaded { image: other, origin: Origin::Newest, banks: [BankReport::Uncommitted; 2], trial: false };
+    let loaded = Loaded::new(other, Origin::Newest, [BankReport::Uncommitted; 2], false);
     board.use_loaded(&loaded);
     assert_eq!(board.standing_still(), 0);
     let sample = Sample { codes: [Some(24 << 24), Some(20 << 24), None, None], ..AT_20_C };

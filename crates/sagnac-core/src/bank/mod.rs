@@ -139,6 +139,20 @@ pub struct Loaded {
     pub banks: [BankReport; 2],
     /// The active image is on trial: not confirmed yet.
     pub trial: bool,
+    /// [`Image::checksum`] of the image, made here so that the tick does not wait for it.
+    checksum: u32,
+}
+
+impl Loaded {
+    /// An image, where it comes from, and whether it is on trial.
+    pub fn new(image: Image, origin: Origin, banks: [BankReport; 2], trial: bool) -> Self {
+        Self { image, origin, banks, trial, checksum: image.checksum() }
+    }
+
+    /// [`Image::checksum`] of the image.
+    pub const fn checksum(&self) -> u32 {
+        self.checksum
+    }
 }
 
 /// Why a store or a roll back failed.
@@ -297,7 +311,7 @@ impl<F: NorFlash> Banks<F> {
             (Some(_), _) => Origin::Survivor,
         };
         let trial = current.and_then(|bank| inspected.get(bank)).is_some_and(|bank| bank.trial);
-        Loaded { image: image.unwrap_or_else(|| gyro.factory_defaults()), origin, banks, trial }
+        Loaded::new(image.unwrap_or_else(|| gyro.factory_defaults()), origin, banks, trial)
     }
 
     /// Stores an image in the bank that is not active, and makes it the active one.

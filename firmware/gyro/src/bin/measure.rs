@@ -13,7 +13,9 @@ use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m::peripheral::{Peripherals, SYST};
 use cortex_m_rt::entry;
 use sagnac_board::{ActuatorCodes, Board, BoardSetup, FRAME_TICKS, Rig, RigSettings, Row, StartCause};
-use sagnac_core::{Compensator, Description, Image, MAX_IMAGE_LEN, Origin, Output, SlowUpdate, State, Status};
+use sagnac_core::{
+    BankReport, Compensator, Description, Image, Loaded, MAX_IMAGE_LEN, Origin, Output, SlowUpdate, State, Status,
+};
 use sagnac_firmware::{finish, host_file, say, stack, unit_loops};
 use sagnac_loops::Stripper;
 
@@ -87,6 +89,9 @@ fn main() -> ! {
         });
         largest.max(tick)
     });
+    let [swap, again] = swap_instructions(&mut board);
+    say(format_args!("swap {swap}"));
+    say(format_args!("no-swap {again}"));
     #[cfg(feature = "signed")]
     say(format_args!("verification {}", verification()));
     say(format_args!("slow-update {}", slow.saturating_sub(copy)));
@@ -111,6 +116,16 @@ fn main() -> ! {
     say(format_args!("tick-whole {whole}"));
     say(format_args!("tick-largest {largest}"));
     finish(true)
+}
+
+/// The change to the next image, and that to the image that is there, with the tick's interrupt masked.
+fn swap_instructions(board: &mut Board) -> [u32; 2] {
+    let mut other = *board.image().description();
+    other.sequence = other.sequence.wrapping_add(1);
+    let Ok(image) = Image::new(other) else { return [0; 2] };
+    let loaded = Loaded::new(image, Origin::Newest, [BankReport::Uncommitted; 2], false);
+    let mut swap = || instructions_of(1, || black_box(&mut *board).use_loaded(black_box(&loaded)));
+    [swap(), swap()]
 }
 
 /// The image whose instructions are counted.

@@ -65,7 +65,7 @@ fn loaded(dice: &mut Dice, images: &[Vec<u8>], bytes: &mut Vec<u8>) -> Result<Lo
     bytes.extend([origin as u8, u8::from(trial)]);
     bytes.extend((encoded.len() as u16).to_le_bytes());
     bytes.extend(encoded);
-    Ok(Loaded { image, origin, banks: [BankReport::Uncommitted; 2], trial })
+    Ok(Loaded::new(image, origin, [BankReport::Uncommitted; 2], trial))
 }
 
 fn one_board(seed: u32, images: &[Vec<u8>], bytes: &mut Vec<u8>, seen: &mut Status) -> Result<()> {

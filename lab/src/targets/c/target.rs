@@ -50,6 +50,10 @@ pub(super) fn cortex_m(folder: &Path) -> Result<()> {
 /// The first records of every file.
 pub(super) fn avr(folder: &Path, given: &Given) -> Result<()> {
     let small = folder.join("avr");
+    // Objects of older sources have other structures.
+    if small.exists() {
+        fs::remove_dir_all(&small)?;
+    }
     fs::create_dir_all(&small)?;
     for path in files()? {
         let name = path.file_name().and_then(|name| name.to_str()).context("a name")?;

@@ -18,9 +18,10 @@ use sagnac_signature::Signer;
 use xtask::shell::{root, text};
 
 use super::build::{build, emulate};
-use super::prices::{Measured, image_of};
+use super::prices::Measured;
 use super::unit::{FirmwareUnit, sagnac};
 use crate::program::Program;
+use crate::targets::vector_files::image;
 
 /// Sends the ten-minute log over the emulated board's serial line and through the same board on this machine.
 pub(super) fn line_of(
@@ -111,7 +112,7 @@ pub(super) fn signed_while_ticks_run(sysroot: &Path, folder: &Path, unit: &Firmw
     let signer = Signer::from_seed(&[42; 32]);
     fs::write(folder.join("unit.key"), signer.public().bytes())?;
     build(sysroot, &unit.image, &unit.loops, &["--features", "signed,live", "--bin", "measure", "--bin", "gyro"])?;
-    let verification = Measured::of(&image_of("compensator-full")?, folder)?.number("verification")?;
+    let verification = Measured::of(&image("compensator-full")?, folder)?.number("verification")?;
     println!("check: a signature of 836 bytes takes {verification} instructions");
     let (answers, frames) = said(&over_the_line(folder, signed_messages(unit, &signer)?)?.0);
     let refused_and_done = [
