@@ -1,8 +1,10 @@
 //! `sagnac verify --limits` as scripts call it.
 
+use std::io::Read as _;
 use std::path::Path;
 
 use assert_cmd::Command;
+use flate2::read::MultiGzDecoder;
 use sagnac_log::ingest::{hex, sha256};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -280,4 +282,25 @@ fn a_limit_of_the_bias_cannot_be_switched_off_by_a_name() {
     assert_eq!(run("z=4.4").0, 1);
     let (status, said) = run("q=4.4");
     assert!(status == 2 && said.contains("input rates of q, but the log has z"), "{status}: {said}");
+}
+
+/// A temperature that jumped and came back: the gyro's processor judges it by its own rule, and neither the terminal nor the page says left out.
+#[test]
+fn a_jump_of_a_thermometer_is_corrected_and_named() {
+    let folder = TempDir::new().unwrap();
+    let (record, page) = (record(&folder), folder.path().join("a.html").display().to_string());
+    let packed = std::fs::read(testdata("retest.csv.gz")).unwrap();
+    let mut text = String::new();
+    MultiGzDecoder::new(packed.as_slice()).read_to_string(&mut text).unwrap();
+    let jumped = text.replacen("\n9995,14.25,", "\n9995,44.25,", 1);
+    assert_ne!(jumped, text);
+    let log = folder.path().join("jumped.csv").display().to_string();
+    std::fs::write(&log, jumped).unwrap();
+    let out = sagnac().args(["verify", "-v", &record, &log, "--report", &page]).assert().success().get_output().clone();
+    let said = String::from_utf8([out.stdout, out.stderr].concat()).unwrap();
+    assert!(said.contains("note: 1 row, thermometer_jump (first at jumped.csv:2000)"), "{said}");
+    let page = std::fs::read_to_string(page).unwrap();
+    let (before, replayed) = page.split_once("<h3>Corrected as the gyro does it</h3>").unwrap();
+    assert!(replayed.contains("<td>thermometer jump</td><td>1</td>") && !before.contains("thermometer jump"));
+    assert!(before.ends_with("<h3>Left out</h3><p>Nothing.</p>"), "{}", &before[before.len() - 200..]);
 }

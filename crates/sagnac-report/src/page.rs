@@ -57,7 +57,7 @@ pub fn calibration_report(calibration: &Calibration, report_data: &ReportData, u
             (plateaus(axis, units))
             (terms::candidates(axis.candidates(), units))
             (terms::model_search(axis.fit.as_ref().map_or(&[], |fit| &fit.model_search), units))
-            (excluded(axis.excluded()))
+            (left_out(axis.excluded().iter().collect()))
         }
         (provenance(calibration)?)
     };
@@ -111,6 +111,7 @@ pub fn verification_report(
             }
         }
         (excluded(&verification.excluded))
+        (replayed(&verification.excluded))
         h2 { "Provenance" }
         (inputs(&verification.inputs))
         div.scroll { table {
@@ -528,22 +529,41 @@ fn left(axis: &AxisVerification, units: RateUnit) -> Markup {
     }
 }
 
+/// Rows that a replay had no use for.
 fn excluded(tallies: &[Tally]) -> Markup {
+    left_out(tallies.iter().filter(|tally| !tally.reason.is_replayed()).collect())
+}
+
+/// Rows that a calibration leaves out, and a replay corrects as the gyro's processor does.
+fn replayed(tallies: &[Tally]) -> Markup {
+    let replayed: Vec<&Tally> = tallies.iter().filter(|tally| tally.reason.is_replayed()).collect();
+    html! {
+        @if !replayed.is_empty() {
+            h3 { "Corrected as the gyro does it" }
+            p { "A calibration leaves these rows out. The gyro's processor judges them by its own rules, and so did this test." }
+            (reasons(&replayed))
+        }
+    }
+}
+
+fn left_out(tallies: Vec<&Tally>) -> Markup {
     html! {
         h3 { "Left out" }
-        @if tallies.is_empty() {
-            p { "Nothing." }
-        } @else {
-            div.scroll { table {
-                thead { tr { th { "reason" } th { "rows" } th.words { "first" } th.words { "meaning" } } }
-                @for tally in tallies {
-                    tr {
-                        td { (tally.reason.name().replace('_', " ")) } td { (tally.rows) }
-                        td.words { (tally.first) } td.words { (tally.reason.meaning()) }
-                    }
+        @if tallies.is_empty() { p { "Nothing." } } @else { (reasons(&tallies)) }
+    }
+}
+
+fn reasons(tallies: &[&Tally]) -> Markup {
+    html! {
+        div.scroll { table {
+            thead { tr { th { "reason" } th { "rows" } th.words { "first" } th.words { "meaning" } } }
+            @for tally in tallies {
+                tr {
+                    td { (tally.reason.name().replace('_', " ")) } td { (tally.rows) }
+                    td.words { (tally.first) } td.words { (tally.reason.meaning()) }
                 }
-            } }
-        }
+            }
+        } }
     }
 }
 

@@ -1,7 +1,7 @@
 //! Lists that several verbs show: limits with their values, and the excluded rows.
 
 use sagnac::verify::Verdict;
-use sagnac_log::ingest::{Reason, Tally};
+use sagnac_log::ingest::Tally;
 use sagnac_units::format::significant;
 
 use crate::output::terminal::table;
@@ -30,11 +30,9 @@ pub(crate) fn excluded(tallies: &[Tally]) -> Vec<String> {
 
 /// The same of a replay, which reads a thermometer as the gyro's processor does.
 pub(crate) fn not_replayed(tallies: &[Tally]) -> Vec<String> {
-    let line = |tally: &Tally| match tally.reason {
-        Reason::ThermometerJump | Reason::ThermometerFrozen => {
-            format!("note: {}: corrected as the gyro does it; a calibration leaves them out", rows_of(tally))
-        }
-        _ => format!("excluded: {}", rows_of(tally)),
+    let line = |tally: &Tally| match tally.reason.is_replayed() {
+        true => format!("note: {}: corrected as the gyro does it; a calibration leaves them out", rows_of(tally)),
+        false => format!("excluded: {}", rows_of(tally)),
     };
     tallies.iter().map(line).collect()
 }

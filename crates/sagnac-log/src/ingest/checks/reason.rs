@@ -118,6 +118,11 @@ impl Reason {
 }
 
 impl Reason {
+    /// A rule of the host alone: a replay corrects such rows as the gyro's processor does, and a calibration leaves them out.
+    pub fn is_replayed(self) -> bool {
+        matches!(self, Self::ThermometerJump | Self::ThermometerFrozen)
+    }
+
     /// Its meaning in a sentence.
     pub fn meaning(self) -> &'static str {
         match self {
