@@ -13,6 +13,7 @@ use std::io::Write;
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use sagnac_log::read::protect_inputs;
 use sagnac_log::threads::{STACK_BYTES, spawn};
 use sagnac_units::format::printable;
 
@@ -99,6 +100,7 @@ fn begin() -> ExitCode {
     let mut console = Console::new(json, loudness);
     console::keep_panics_quiet();
     interrupt::leave_nothing_behind();
+    protect_inputs();
     let ran = std::panic::catch_unwind(|| {
         on_all_processors(|| {
             let mut console = Console::new(json, loudness);

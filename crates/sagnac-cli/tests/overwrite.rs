@@ -1,9 +1,12 @@
 //! Nothing that a command reads, or writes in the same run, is overwritten: by any spelling, link or derived name.
 
 use std::fs;
+use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 
 use assert_cmd::Command;
+use flate2::read::MultiGzDecoder;
 use tempfile::TempDir;
 
 /// A folder with a log, a setup, limits, a calibration of it and its image.
@@ -413,4 +416,39 @@ fn lines_of_a_manifest_are_those_of_an_editor() {
         let (status, said) = it.run("fleet calibrate m.csv --setup bench.toml -o fl");
         assert!(status == 2 && said.contains("m.csv:3,"), "{ends:?}: {said}");
     }
+}
+
+/// A link that appears while the command runs: what is compared before the file is replaced is the file that was opened, not its name. The
+/// log comes on standard input and is longer than a pipe, so the command has looked at its names when the link is made.
+#[cfg(unix)]
+#[test]
+fn a_link_that_appears_later_to_an_input_is_not_replaced() {
+    let it = Bench::new();
+    let packed = fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../testdata/chamber/cycle-1.csv.gz")).unwrap();
+    let mut log = Vec::new();
+    MultiGzDecoder::new(packed.as_slice()).read_to_end(&mut log).unwrap();
+    assert!(log.len() > 100_000);
+    let run = |links: bool| {
+        let args = ["calibrate", "-", "--setup", "bench.toml", "--model", "bias 2", "-o", "new.json"];
+        let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin("sagnac"));
+        let command = command.args(args).current_dir(it.folder.path());
+        let mut program = command.stdin(Stdio::piped()).stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+        let mut input = program.stdin.take().unwrap();
+        let (most, last) = log.split_at(log.len() - 100);
+        input.write_all(most).unwrap();
+        if links {
+            fs::hard_link(it.path("bench.toml"), it.path("new.json")).unwrap();
+        }
+        input.write_all(last).unwrap();
+        drop(input);
+        let output = program.wait_with_output().unwrap();
+        (output.status.code().unwrap(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let setup = fs::read(it.path("bench.toml")).unwrap();
+    let (status, said) = run(true);
+    assert!(status == 2 && said.contains("the command reads this file"), "{status} {said}");
+    assert!(fs::read(it.path("bench.toml")).unwrap() == setup && fs::read(it.path("new.json")).unwrap() == setup);
+    fs::remove_file(it.path("new.json")).unwrap();
+    let (status, said) = run(false);
+    assert_eq!(status, 0, "{said}");
 }

@@ -1,10 +1,15 @@
-//! Small files in: whole, and no longer than what they can be.
+//! Files in: every input is opened here, and a small one is read whole, no longer than it can be.
 //!
 //! A setup, limits or a record have some kilobytes. A path may name anything, a device without an end too, and its length may say nothing.
+//!
+//! A program that asks for it ([`protect_inputs`]) never replaces a file that it opened as an input, whatever name, link or pattern led to it: the
+//! file itself is compared, by device and number, once it is open. Systems without such numbers have no such protection.
 
-use std::fs::File;
+use std::collections::HashSet;
+use std::fs::{File, Metadata};
 use std::io::Read;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, Result};
 
@@ -13,7 +18,18 @@ use crate::error::{Error, Result};
 /// # Errors
 /// A file that cannot be opened or read, that is longer, or that is not UTF-8. A byte order mark at its beginning is not part of it.
 pub fn read_text(path: &Path, what: &str, most_bytes: u64) -> Result<String> {
-    let file = File::open(path).map_err(|e| Error::io_path(path, what, &e))?;
+    text_of(open_input(path).map_err(|e| Error::io_path(path, what, &e))?, path, what, most_bytes)
+}
+
+/// The same of a file that the program wrote itself, and may replace.
+///
+/// # Errors
+/// As [`read_text`].
+pub fn read_own_text(path: &Path, what: &str, most_bytes: u64) -> Result<String> {
+    text_of(File::open(path).map_err(|e| Error::io_path(path, what, &e))?, path, what, most_bytes)
+}
+
+fn text_of(file: File, path: &Path, what: &str, most_bytes: u64) -> Result<String> {
     let mut bytes = Vec::new();
     file.take(most_bytes + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, what, &e))?;
     let named = |error: Error| error.file(path.display().to_string());
@@ -27,4 +43,44 @@ pub fn read_text(path: &Path, what: &str, most_bytes: u64) -> Result<String> {
         named(Error::input(format!("cannot {what}: it is not UTF-8 text"), "give a text file, saved as UTF-8"))
     })?;
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
+}
+
+/// Device and number of each input; none while they are not protected.
+static INPUTS: Mutex<Option<HashSet<[u64; 2]>>> = Mutex::new(None);
+
+/// From now on this program replaces no file that it opened as an input.
+pub fn protect_inputs() {
+    INPUTS.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_default();
+}
+
+/// Opens an input.
+///
+/// # Errors
+/// As [`File::open`].
+pub fn open_input(path: &Path) -> std::io::Result<File> {
+    let file = File::open(path)?;
+    if let Some(inputs) = INPUTS.lock().unwrap_or_else(PoisonError::into_inner).as_mut() {
+        inputs.extend(file.metadata().ok().as_ref().and_then(identity));
+    }
+    Ok(file)
+}
+
+/// The file behind a path was opened as an input, and is protected.
+pub(crate) fn is_input(path: &Path) -> bool {
+    let inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
+    let known = |inputs: &HashSet<[u64; 2]>| {
+        std::fs::metadata(path).ok().as_ref().and_then(identity).is_some_and(|it| inputs.contains(&it))
+    };
+    inputs.as_ref().is_some_and(known)
+}
+
+#[cfg(unix)]
+fn identity(of: &Metadata) -> Option<[u64; 2]> {
+    use std::os::unix::fs::MetadataExt as _;
+    of.is_file().then(|| [of.dev(), of.ino()])
+}
+
+#[cfg(not(unix))]
+fn identity(_: &Metadata) -> Option<[u64; 2]> {
+    None
 }

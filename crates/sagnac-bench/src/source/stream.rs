@@ -87,7 +87,7 @@ fn input(out: &Out) {
 
 /// A file that grows, from a place on. One that became shorter, or is another file under its name, is read from its start.
 fn file(path: &Path, GoOn { place: at, tail }: &mut GoOn, out: &Out) -> SessionEnd {
-    let mut open = match File::open(path) {
+    let mut open = match sagnac_log::read::open_input(path) {
         Ok(open) => open,
         Err(error) => return SessionEnd::NotConnected(error.to_string()),
     };

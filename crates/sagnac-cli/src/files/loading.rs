@@ -49,7 +49,7 @@ pub(crate) fn kind_of(path: &Path) -> Result<FileKind> {
 
 /// The first bytes of a file.
 pub(crate) fn first_bytes(path: &Path) -> Result<Vec<u8>> {
-    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    let file = sagnac_log::read::open_input(path).map_err(|e| Error::io_path(path, "open", &e))?;
     if path.is_dir() {
         return Err(Error::input("this is a folder, and a file is needed", "give the name of a file in it")
             .file(path.display().to_string()));
@@ -113,7 +113,7 @@ pub(crate) fn signed_image(path: &Path) -> Result<(Image, Vec<u8>, Option<Signat
 /// The bytes of an image's file, signed or not.
 pub(crate) fn image_bytes_of(path: &Path) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    let file = sagnac_log::read::open_input(path).map_err(|e| Error::io_path(path, "open", &e))?;
     file.take(MAX_SIGNED_LEN as u64 + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, "read", &e))?;
     Ok(bytes)
 }

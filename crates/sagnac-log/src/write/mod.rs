@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::error::{Error, Result};
+use crate::read::is_input;
 pub use parquet_rows::ParquetRows;
 #[cfg(feature = "parquet")]
 pub use parquet_rows::{CellColumns, ParquetBatches, parquet_properties};
@@ -146,6 +147,11 @@ impl Whole {
         drop(out);
         keep_mode(file.as_file(), &path).map_err(|e| failed(&e))?;
         file.as_file().sync_all().map_err(|e| failed(&e))?;
+        if is_input(&path) {
+            return Err(
+                Error::input("the command reads this file", "write to another file").file(path.display().to_string())
+            );
+        }
         Ok(Self { path, folder, file, known })
     }
 

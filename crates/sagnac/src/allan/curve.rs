@@ -54,7 +54,7 @@ fn column_of(header: &str) -> Option<(char, f64)> {
 /// No curve, a cell that is not a number above zero, τ that do not rise.
 pub fn read_curve(path: &Path) -> Result<(Vec<BareCurve>, LogFile)> {
     let name = path.display().to_string();
-    let file = std::fs::File::open(path).map_err(|e| Error::io_path(path, "open", &e))?;
+    let file = sagnac_log::read::open_input(path).map_err(|e| Error::io_path(path, "open", &e))?;
     let mut bytes = Vec::new();
     file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(|e| Error::io_path(path, "read", &e))?;
     if bytes.len() as u64 > MAX_BYTES {

@@ -16,7 +16,7 @@ use super::unit::Answer;
 use sagnac_log::error::{Error, Result};
 use sagnac_log::ingest::sha256_of_file;
 use sagnac_log::paths::files_in;
-use sagnac_log::read::read_text;
+use sagnac_log::read::read_own_text;
 use sagnac_log::write::{remove_abandoned, write_bytes, write_together};
 
 /// Folder of the records, of the proofs, and of what is known of each unit.
@@ -121,7 +121,7 @@ fn result_text(path: &Path) -> Result<String> {
         return Err(Error::input("this is no file", "remove it, and calibrate the fleet again")
             .file(path.display().to_string()));
     }
-    read_text(path, "read the result", MOST_RESULT_BYTES)
+    read_own_text(path, "read the result", MOST_RESULT_BYTES)
 }
 
 /// The files that a unit gets in a folder of results.

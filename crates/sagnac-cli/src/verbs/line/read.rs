@@ -100,7 +100,7 @@ fn pour(args: &Args, tally: &mut FrameTally, out: &mut dyn Write) -> Result<()> 
     let mut bytes: Box<dyn Read> = if input.as_os_str() == "-" {
         Box::new(std::io::stdin())
     } else {
-        Box::new(std::fs::File::open(input).map_err(|e| Error::io_path(input, "open", &e))?)
+        Box::new(sagnac_log::read::open_input(input).map_err(|e| Error::io_path(input, "open", &e))?)
     };
     let written = |e: &std::io::Error| Error::io("output", "write", e);
     out.write_all(HEADER.as_bytes()).map_err(|e| written(&e))?;

@@ -27,6 +27,7 @@ use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::number::ISO_8601;
 use crate::ingest::columns::raw::{Faults, RawRows, Slot};
 use crate::memory::MemoryBudget;
+use crate::read::open_input;
 use crate::threads::spawn;
 
 /// Most rows of a piece, and most values of it; of rows that are kept as text, most fields and most bytes of text.
@@ -95,7 +96,7 @@ pub(crate) fn open(source: Source, memory: MemoryBudget) -> Result<Columnar> {
     let form = Form::of(&source.start);
     let (mut file, hashing) = match source.plain_file.clone() {
         Some(path) => {
-            let file = File::open(&path).map_err(|e| Error::io_path(&path, "open", &e))?;
+            let file = open_input(&path).map_err(|e| Error::io_path(&path, "open", &e))?;
             (file, Hashing::begin(source, path))
         }
         None => (spooled(source)?, Hashing::Done),
@@ -290,7 +291,7 @@ impl Hashing {
                 thread.join().map_err(defect)?.map(|_| ()).map_err(unread)
             }
             Self::After(path, hash) => {
-                let file = File::open(&path).map_err(|e| Error::io_path(&path, "open", &e))?;
+                let file = open_input(&path).map_err(|e| Error::io_path(&path, "open", &e))?;
                 hash.begin_anew_with(file).map_err(unread)
             }
         }

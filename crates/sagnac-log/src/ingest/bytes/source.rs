@@ -14,6 +14,7 @@ use flate2::bufread::MultiGzDecoder;
 use sha2::{Digest, Sha256};
 
 use crate::error::{Error, Result};
+use crate::read::open_input;
 
 const GZIP_MAGIC: [u8; 2] = [0x1f, 0x8b];
 /// So many first bytes tell every format.
@@ -145,7 +146,7 @@ impl Source {
             return Self::from_reader("standard input".to_owned(), Box::new(std::io::stdin()));
         }
         let name = path.display().to_string();
-        let file = File::open(path).map_err(|e| Error::io(&name, "open", &e))?;
+        let file = open_input(path).map_err(|e| Error::io(&name, "open", &e))?;
         if file.metadata().is_ok_and(|m| m.is_dir()) {
             return Err(
                 Error::input("this is a folder, and a log is a file", "give the name of a file in it").file(name)

@@ -18,7 +18,6 @@ mod topics;
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::fs::File;
 use std::io::{BufRead, BufReader};
 
 use csv::ByteRecord;
@@ -32,6 +31,7 @@ use crate::ingest::columns::header::Layout;
 use crate::ingest::columns::raw::{BAD_TEMPERATURE, Faults, NO_TIME, RawRows, Slot};
 use crate::ingest::ulog::messages::{Message, Messages, Next, appended_offsets};
 use crate::ingest::ulog::topics::{Known, TEMPERATURE, TopicUse};
+use crate::read::open_input;
 use crate::setup::Setup;
 
 /// Rows per piece.
@@ -53,7 +53,7 @@ fn open(source: Source, setup: &Setup, purpose: Purpose) -> Result<Opened> {
         let other = start.known.gyro(instance, &silent).filter(|(id, _)| start.heard.contains(id));
         let Some((id, _)) = other else { return Err(no_gyro(&start.known, instance)) };
         let Some(path) = source.plain_file else { return Err(silent_gyro(&start.known, id)) };
-        let file = File::open(&path).map_err(|e| Error::io_path(&path, "open", &e))?;
+        let file = open_input(&path).map_err(|e| Error::io_path(&path, "open", &e))?;
         start = Start::read(Box::new(BufReader::new(file)), instance, &silent)?;
     }
     let Start { messages, header, known, early, first, .. } = start;
