@@ -191,27 +191,31 @@ uint32_t sagnac_input_reach(const sagnac_input *spec, uint32_t updates)
     return (grown < (uint64_t)UINT32_MAX) ? (uint32_t)grown : UINT32_MAX;
 }
 
-/* A value that jumped from the last one is nearer to the one before the open step, and within reach of it. */
-static uint32_t has_returned(const sagnac_input *spec, const sagnac_input_state *memory, int32_t t_q24)
+/* The sum of the steps since one is open, with one to this value. */
+static uint32_t open_sum(const sagnac_input_state *memory, int32_t t_q24)
 {
-    const uint32_t from_before = distance(t_q24, memory->before_q24);
-    return ((memory->open_updates > 0U) && (from_before < distance(t_q24, memory->last_q24)) &&
-            (from_before <= sagnac_input_reach(spec, memory->open_updates)))
-               ? SAGNAC_YES
-               : SAGNAC_NO;
+    return (memory->open_q24 + (uint32_t)t_q24 - (uint32_t)memory->last_q24) & 0xFFFFFFFFU;
 }
 
-/* A step stays open until the input is back: until it jumps back to within reach of its value before. */
+/* With this one the steps since one is open add up to nothing. Both ends of a fault lie within reach of the true value. */
+static uint32_t is_back(const sagnac_input *spec, const sagnac_input_state *memory, uint32_t unread, int32_t t_q24)
+{
+    const uint32_t sum = open_sum(memory, t_q24);
+    const uint32_t rest = (sum > 0x7FFFFFFFU) ? ((0U - sum) & 0xFFFFFFFFU) : sum;
+    const uint64_t most = (uint64_t)sagnac_input_reach(spec, unread) + ((uint64_t)spec->largest_step_q8 * 65536U);
+    return ((memory->open_q24 != 0U) && ((uint64_t)rest <= most)) ? SAGNAC_YES : SAGNAC_NO;
+}
+
+/* A step stays open until the input steps back by as much. */
 /* SAG-CORE-028 */
-static void open_step(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24)
+static void open_step(const sagnac_input *spec, sagnac_input_state *memory, uint32_t unread, int32_t t_q24)
 {
     if (spec->step_growth == 0U) {
         /* A step is not held open. */
-    } else if (has_returned(spec, memory, t_q24) != 0U) {
-        memory->open_updates = 0U;
-    } else if ((memory->open_updates == 0U) && (memory->settled_updates >= START_UPDATES)) {
-        memory->before_q24 = memory->last_q24;
-        memory->open_updates = 1U;
+    } else if (is_back(spec, memory, unread, t_q24) != 0U) {
+        memory->open_q24 = 0U;
+    } else if ((memory->open_q24 != 0U) || (memory->settled_updates >= START_UPDATES)) {
+        memory->open_q24 = open_sum(memory, t_q24);
     } else {
         /* The first samples after power-on are often wrong. */
     }
@@ -227,8 +231,9 @@ static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory
     const uint32_t moved = distance(t_q24, memory->last_q24);
     uint32_t accepted = 0U;
     if ((largest == 0U) || (memory->has_last == 0U) || (moved <= sagnac_input_reach(spec, unread))) {
-        if ((largest != 0U) && (memory->has_last != 0U) && (moved > largest) && (has_returned(spec, memory, t_q24) != 0U)) {
-            memory->open_updates = 0U;
+        if ((largest != 0U) && (memory->has_last != 0U) && (moved > largest) &&
+            (is_back(spec, memory, unread, t_q24) != 0U)) {
+            memory->open_q24 = 0U;
         }
         memory->steady_updates = 0U;
         accepted = 1U;
@@ -240,7 +245,7 @@ static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory
         if (memory->steady_updates >= STEADY_UPDATES) {
             memory->steady_updates = 0U;
             accepted = 2U;
-            open_step(spec, memory, t_q24);
+            open_step(spec, memory, unread, t_q24);
         }
     }
     return accepted;
@@ -298,9 +303,6 @@ static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory,
         memory->last_q24 = t_q24;
         memory->has_last = 1U;
         memory->settled_updates = one_more(memory->settled_updates);
-        if (memory->open_updates > 0U) {
-            memory->open_updates = one_more(memory->open_updates);
-        }
         step_lag(spec, memory, t_q24, &now);
         if (fresh != 0U) {
             scale_input(spec, t_q24, &now);
@@ -359,7 +361,7 @@ uint32_t sagnac_input_is_open(const sagnac_input *spec, const sagnac_input_state
 {
     uint32_t open = 0U;
     if (spec->step_growth > 0U) {
-        open = ((memory->settled_updates <= START_UPDATES) || (memory->open_updates > 0U)) ? SAGNAC_YES : SAGNAC_NO;
+        open = ((memory->settled_updates <= START_UPDATES) || (memory->open_q24 != 0U)) ? SAGNAC_YES : SAGNAC_NO;
     }
     return open;
 }
@@ -561,8 +563,7 @@ void sagnac_compensator_start(sagnac_compensator_state *state)
         state->inputs[i].steady_updates = 0U;
         state->inputs[i].held_updates = 0U;
         state->inputs[i].settled_updates = 0U;
-        state->inputs[i].before_q24 = 0;
-        state->inputs[i].open_updates = 0U;
+        state->inputs[i].open_q24 = 0U;
     }
 }
 

@@ -175,8 +175,7 @@ typedef struct {
     uint32_t steady_updates;
     uint32_t held_updates;
     uint32_t settled_updates;
-    int32_t before_q24;
-    uint32_t open_updates;
+    uint32_t open_q24; /* the sum of the steps since one is open, modulo 2^32; 0 without */
 } sagnac_input_state;
 
 /* Memory of one compensator. Read it freely; change it only through the functions. */

@@ -143,10 +143,14 @@ static int64_t decayed(int64_t effect, const sagnac_input *spec, uint32_t update
     return sagnac_floor_shift(chord, (uint32_t)halves) + 1;
 }
 
-/* What one step of the thermometer makes behind the lag. */
-static int64_t after_step(const bound_effects *effects, const sagnac_input *spec)
+/* The effect of an input that moves this far in so many updates: on the terms, over their steps, and behind the lag. */
+static int64_t effect_of_way(const bound_effects *effects, const sagnac_input *spec, int64_t reach_q24, uint32_t updates)
 {
-    return scaled(effects->rate, rate_change_q16(spec, (int64_t)spec->largest_step_q8 * ONE_Q16, 0U));
+    const int64_t half_q24 = ((int64_t)spec->span_hi_q24 - (int64_t)spec->span_lo_q24) / 2;
+    const int64_t part_q16 = (least(reach_q24, MOST_REACH) * ONE_Q16) / ((half_q24 > 1) ? half_q24 : 1);
+    const int64_t on_terms = scaled(effects->slope, least(part_q16, (int64_t)2 * ONE_Q16) + 1);
+    const int64_t behind_lag = scaled(effects->rate, rate_change_q16(spec, reach_q24, updates));
+    return least(on_terms, whole_of(effects)) + effects->jump + behind_lag;
 }
 
 /* How far the codes behind an input may have moved in some updates, 2^-24 degC: SAGNAC_NO without a limit of slope. */
@@ -193,13 +197,8 @@ static int64_t while_held(const bound_effects *effects, const sagnac_image *imag
     if (spec->source == SAGNAC_WARM_UP) {
         effect = scaled(effects->rate, rate_change_q16(spec, 0, updates));
     } else {
-        const int64_t half_q24 = ((int64_t)spec->span_hi_q24 - (int64_t)spec->span_lo_q24) / 2;
-        int64_t moved_q16;
         (void)parents_reach(image, input, updates, &reach_q24);
-        moved_q16 = (least(reach_q24, MOST_REACH) * ONE_Q16) / ((half_q24 > 1) ? half_q24 : 1);
-        moved_q16 = least(moved_q16, (int64_t)2 * ONE_Q16) + 1;
-        effect = least(scaled(effects->slope, moved_q16), whole_of(effects)) + effects->jump;
-        effect += scaled(effects->rate, rate_change_q16(spec, reach_q24, updates));
+        effect = effect_of_way(effects, spec, reach_q24, updates);
     }
     return effect;
 }
@@ -225,7 +224,6 @@ static int64_t of_fault(const bound_effects *effects, const sagnac_image *image,
             const uint32_t updates = (held_updates > memory->held_updates) ? held_updates : memory->held_updates;
             off += while_held(effects, image, input, updates);
         }
-        off = least(off, whole_of(effects));
     }
     return off;
 }
@@ -327,9 +325,15 @@ void sagnac_error_bound_advance(sagnac_error_bound *bound, const sagnac_image *i
         /* No slice is missing. */
     } else if (bound->next < image->input_count) {
         const bound_effects effects = effects_of(image, bound->next);
+        /* The largest step that passes, with the way of the true value meanwhile. */
+        int64_t step_q24;
         bound->rates += effects.rate;
-        bound->faults += after_step(&effects, &image->inputs[bound->next]);
-        bound->faults += of_fault(&effects, image, state, bound->next, bound->held_updates);
+        if (parents_reach(image, bound->next, 1U, &step_q24) == 0U) {
+            step_q24 = 0;
+        }
+        bound->faults += least(effect_of_way(&effects, &image->inputs[bound->next], step_q24, 0U) +
+                                   of_fault(&effects, image, state, bound->next, bound->held_updates),
+                               whole_of(&effects));
         bound->next++;
     } else {
         bound_end(bound, image);

@@ -56,7 +56,7 @@ module sagnac_series #(
         BASIS_TURN = 6'd20, TERM_READ = 6'd21, TERM_SHAPE = 6'd22, TERM_ZONE = 6'd23, TURNS = 6'd24,
         TURNS_SQUARE = 6'd25, TURNS_SUM = 6'd26, TURNS_SINE = 6'd27, TERM = 6'd28, TERM_RATE = 6'd29, TERM_ADD = 6'd30,
         SCALE = 6'd31, BIAS = 6'd32, DIVIDE = 6'd33, DIVIDED = 6'd34, FINISH = 6'd35, MULTIPLY = 6'd36, SHIFT = 6'd37,
-        REACH = 6'd38, TAKE = 6'd39, OPEN = 6'd40;
+        REACH = 6'd38, TAKE = 6'd39;
 
     // What a stage reads of an input, and the last of a term: the words' places.
     localparam [2:0] OF_SOURCE = 3'd0, OF_CODE = 3'd1, OF_LAG = 3'd2, OF_POSITION = 3'd3, OF_REPORT = 3'd4, OF_TERM = 3'd5;
@@ -95,9 +95,8 @@ module sagnac_series #(
     // A value that is held back, and for how many updates it has stayed.
     reg signed [31:0] step_q24 [0:3];
     reg [1:0] steady [0:3];
-    // The value before an open step, and for how many updates it has been open.
-    reg signed [31:0] before_q24 [0:3];
-    reg [31:0] open_updates [0:3];
+    // The sum of the steps since one is open, modulo 2^32; 0 without.
+    reg signed [31:0] open_q24 [0:3];
     // How far from the last value a value may lie.
     reg [49:0] reach;
     // A restart: the warm-up is over.
@@ -199,19 +198,19 @@ module sagnac_series #(
     wire signed [63:0] value = result + {{32{offset[31]}}, offset};
     wire signed [31:0] value_code = value[31:0];
     wire is_valid = value[63:31] == {33{value[31]}} && value_code >= valid_lo && value_code <= valid_hi;
-    // Distances of the value to the last one, to the one that is held back, and to the one before a step.
+    // Distances of the value to the last one and to the one that is held back; the sum of the steps with this one.
     wire signed [32:0] from_last = {value_now[31], value_now} - {last_q24[at][31], last_q24[at]};
     wire signed [32:0] from_step = {value_now[31], value_now} - {step_q24[at][31], step_q24[at]};
-    wire signed [32:0] from_before = {value_now[31], value_now} - {before_q24[at][31], before_q24[at]};
+    wire signed [31:0] open_sum = open_q24[at] + value_now - last_q24[at];
     wire [32:0] largest = {1'b0, largest_step, 16'd0};
     wire [32:0] step_size = from_last[32] ? -from_last : from_last;
     wire [32:0] stay_size = from_step[32] ? -from_step : from_step;
-    wire [32:0] return_size = from_before[32] ? -from_before : from_before;
+    wire [31:0] open_size = open_sum[31] ? -open_sum : open_sum;
+    wire is_back = open_q24[at] != 32'sd0 && {18'd0, open_size} <= reach + {17'd0, largest};
     // A reach grows for 65,535 updates at most; the sum of the product of updates and step.
     // Updates at which nothing was read: not those at which this value was held back.
     wire [31:0] unread = held_updates[at] - {30'd0, steady[at]};
     wire [15:0] growing_held = |unread[31:16] ? 16'hffff : unread[15:0];
-    wire [15:0] growing_open = |open_updates[at][31:16] ? 16'hffff : open_updates[at][15:0];
     wire [49:0] grown = {17'd0, largest} + ({18'd0, result[31:0]} << step_growth);
     wire grows = STEP_LIMITS != 0 && step_growth != 5'd0;
     // SAG-CORE-003
@@ -327,8 +326,7 @@ module sagnac_series #(
                 settled_updates[i] <= 32'd0;
                 step_q24[i] <= 32'sd0;
                 steady[i] <= 2'd0;
-                before_q24[i] <= 32'sd0;
-                open_updates[i] <= 32'd0;
+                open_q24[i] <= 32'sd0;
                 x[i] <= 49'sd0;
                 y[i] <= 35'sd0;
             end
@@ -429,19 +427,11 @@ module sagnac_series #(
                         end
                         has_last[at] <= 1'b1;
                         // SAG-CORE-028
-                        if (grows && step_size > largest && has_last[at] && open_updates[at] != 32'd0 && return_size < step_size)
-                            multiply({48'd0, growing_open}, {19'd0, largest_step}, 7'd0, 1'b0, OPEN);
-                        else if (grows && is_step && open_updates[at] == 32'd0 && settled_updates[at] >= 32'd6) begin
-                            before_q24[at] <= last_q24[at];
-                            open_updates[at] <= 32'd1;
-                        end
+                        if (grows && has_last[at] && step_size > largest && is_back)
+                            open_q24[at] <= 32'sd0;
+                        else if (grows && is_step && (open_q24[at] != 32'sd0 || settled_updates[at] >= 32'd6))
+                            open_q24[at] <= open_sum;
                     end
-                end
-                // Back within reach of the value before.
-                OPEN: begin
-                    if ({17'd0, return_size} <= grown)
-                        open_updates[at] <= 32'd0;
-                    state <= ACCEPT;
                 end
                 ACCEPT: begin
                     value_now <= last_q24[at];
@@ -450,8 +440,6 @@ module sagnac_series #(
                         : (&held_updates[at] ? held_updates[at] : held_updates[at] + 32'd1);
                     if (has_last[at] && !(&settled_updates[at]))
                         settled_updates[at] <= settled_updates[at] + 32'd1;
-                    if (has_last[at] && open_updates[at] != 32'd0 && !(&open_updates[at]))
-                        open_updates[at] <= open_updates[at] + 32'd1;
                     y[at] <= 35'sd0;
                     if (!has_last[at])
                         fetch(OF_REPORT, REPORT);
@@ -493,7 +481,7 @@ module sagnac_series #(
                     fresh_now[at] <= fresh;
                     reported <= reported
                         | {1'b0, (settling_updates != 32'd0 && settled_updates[at] <= settling_updates)
-               || (reported_grows && (settled_updates[at] <= 32'd6 || open_updates[at] != 32'd0)),
+               || (reported_grows && (settled_updates[at] <= 32'd6 || open_q24[at] != 32'sd0)),
                            !fresh && held_updates[at] > stale_after_updates, !fresh, y_clamped, x_clamped || y_clamped};
                     index <= index + 3'd1;
                     state <= INPUT;

@@ -1,14 +1,17 @@
 //! How far the correction may be off now: a number next to the status.
 //!
 //! ```text
-//! bound    max(0.1 °/h, 0.05·ΣR) + Σ R·α·step/far        status 0; R the effect of an input's rate at its border `far`
+//! bound    max(0.1 °/h, 0.05·ΣR) + Σ step effects       status 0; R the effect of an input's rate at its border `far`
+//! step     R·α·step/far + D·step/half + J               the largest step that passes, with the way of the true value meanwhile: the reach
+//!                                                       of one update; D the steepest slope of the terms, J the sum of their steps
 //! settling + 2·R·exp(−n·α)                              n slow updates after the lag began
 //! open     + 2·(C + R)                                  C the effect of the input itself: its value may be wrong. Also while a jump is
 //!                                                       weighed, and always where the image has no limit of slope for the input
-//! held     + min(2·(C + R), D·reach/half + J + R·Δy)    D the steepest slope of the terms, reach the limit of slope times the hold,
-//!                                                       J the sum of the steps, which a hold may pass over,
+//! held     + D·reach/half + J + R·Δy                    reach the limit of slope times the hold,
 //!                                                       Δy ≤ α·reach·(1 + n·α)/far + n·α the change of the rate
 //! ```
+//!
+//! An input makes 2·(C + R) at most, whatever happens to it.
 //!
 //! It bounds the fault, not the calibration: add the calibration's own uncertainty. There is no bound where an input is outside its span or
 //! without a value since power-on, and none against a reading that is wrong and moves by no more than a largest step at a time. Scale terms count for
@@ -108,8 +111,10 @@ impl ErrorBound {
         if let (Some(spec), Some(memory)) = (image.inputs().get(at), state.inputs().get(at)) {
             let effects = Effects::of(image, at);
             self.rates += effects.rate;
-            self.faults += effects.after_step(spec)
-                + effects.of_fault(spec, memory, parents(image, state.inputs(), at), self.held_updates);
+            let parents = parents(image, state.inputs(), at);
+            let of_step = effects.moved(spec, parents.reach_q24(1).unwrap_or(0), 0);
+            let of_fault = effects.of_fault(spec, memory, parents, self.held_updates);
+            self.faults += (of_step + of_fault).min(effects.whole());
             self.next += 1;
         } else if !self.is_whole() {
             let bound = milli_dph(image, self.rates / PART + 1).max(LEAST_MILLI_DPH);
@@ -192,9 +197,12 @@ impl Effects {
         2 * (self.curve + self.rate)
     }
 
-    /// What one step of the thermometer makes behind the lag.
-    fn after_step(self, spec: &InputSpec) -> i64 {
-        scaled(self.rate, rate_change_q16(spec, i64::from(spec.largest_step_q8) << 16, 0))
+    /// The effect of an input that moves this far in so many updates: on the terms, over their steps, and behind the lag.
+    fn moved(self, spec: &InputSpec, reach_q24: i64, updates: u32) -> i64 {
+        let half_q24 = (i64::from(spec.span_hi_q24) - i64::from(spec.span_lo_q24)) / 2;
+        let moved_q16 = ((reach_q24.min(MOST_REACH) << 16) / half_q24.max(1)).min(2 * ONE_Q16) + 1;
+        let turned = scaled(self.rate, rate_change_q16(spec, reach_q24, updates));
+        scaled(self.slope, moved_q16).min(self.whole()) + self.jump + turned
     }
 
     fn of_fault(self, spec: &InputSpec, memory: &InputState, parents: Parents<'_>, held_updates: u32) -> i64 {
@@ -209,18 +217,14 @@ impl Effects {
         if held_updates > 0 {
             off += self.while_held(spec, parents, held_updates.max(memory.held_updates));
         }
-        off.min(self.whole())
+        off
     }
 
     fn while_held(self, spec: &InputSpec, parents: Parents<'_>, updates: u32) -> i64 {
         if spec.source == ValueSource::WarmUp {
             return scaled(self.rate, rate_change_q16(spec, 0, updates));
         }
-        let reach_q24 = parents.reach_q24(updates).unwrap_or(MOST_REACH);
-        let half_q24 = (i64::from(spec.span_hi_q24) - i64::from(spec.span_lo_q24)) / 2;
-        let moved_q16 = ((reach_q24.min(MOST_REACH) << 16) / half_q24.max(1)).min(2 * ONE_Q16) + 1;
-        let turned = scaled(self.rate, rate_change_q16(spec, reach_q24, updates));
-        scaled(self.slope, moved_q16).min(self.whole()) + self.jump + turned
+        self.moved(spec, parents.reach_q24(updates).unwrap_or(MOST_REACH), updates)
     }
 }
 

@@ -35,8 +35,9 @@
 //! itself (½(hold/τ)²).
 //!
 //! After a step that no temperature makes, one of both readings is wrong, and nothing shows which. With growth such a step stays open,
-//! and the status SETTLING, until the input jumps back, nearer to its value before and within reach of it. The first samples after
-//! power-on are often wrong: the status is SETTLING for [`START_UPDATES`] from the first value on, and a step within them is not held open.
+//! and the status SETTLING, until the input jumps back by as much: until the steps since add up to no more than two largest ones. The first
+//! samples after power-on are often wrong: the status is SETTLING for [`START_UPDATES`] from the first value on, and a step within them is not
+//! held open.
 
 use crate::checksum::Checksum;
 use crate::rounding::round_shift;
@@ -241,9 +242,8 @@ pub(crate) struct InputState {
     steady_updates: u8,
     pub(crate) held_updates: u32,
     pub(crate) settled_updates: u32,
-    /// The value before an open step, and for how many updates it has been open; 0 without.
-    before_q24: i32,
-    pub(crate) open_updates: u32,
+    /// The sum of the steps since one is open, modulo 2³²; 0 without.
+    open_q24: i32,
 }
 
 /// One input at one slow update, scaled for the terms.
@@ -265,8 +265,7 @@ impl InputState {
             steady_updates: 0,
             held_updates: 0,
             settled_updates: 0,
-            before_q24: 0,
-            open_updates: 0,
+            open_q24: 0,
         }
     }
 
@@ -283,8 +282,7 @@ impl InputState {
             .word(self.step_q24.cast_unsigned())
             .word(self.held_updates)
             .word(self.settled_updates)
-            .word(self.before_q24.cast_unsigned())
-            .word(self.open_updates)
+            .word(self.open_q24.cast_unsigned())
     }
 
     /// This input with each one of its bits turned over.
@@ -298,8 +296,7 @@ impl InputState {
                 Self { step_q24: self.step_q24 ^ 1 << bit, ..*self },
                 Self { held_updates: self.held_updates ^ 1 << bit, ..*self },
                 Self { settled_updates: self.settled_updates ^ 1 << bit, ..*self },
-                Self { before_q24: self.before_q24 ^ 1 << bit, ..*self },
-                Self { open_updates: self.open_updates ^ 1 << bit, ..*self },
+                Self { open_q24: self.open_q24 ^ 1 << bit, ..*self },
                 Self { last_q24: Some(self.last_q24.unwrap_or(0) ^ 1 << bit), ..*self },
             ]
         });
@@ -345,7 +342,6 @@ impl InputState {
         };
         self.last_q24 = Some(t);
         self.settled_updates = self.settled_updates.saturating_add(1);
-        self.open_updates = self.open_updates.saturating_add(u32::from(self.open_updates > 0));
         let (y_q31, y_clamped) = self.step(&spec.lag, t);
         if fresh.is_none() {
             self.held_updates = self.held_updates.saturating_add(1);
@@ -365,8 +361,8 @@ impl InputState {
         let unread = self.held_updates.saturating_sub(self.steady_updates.into());
         let moved = t.abs_diff(last);
         if largest == 0 || moved <= spec.reach_q24(unread) {
-            if moved > largest && self.has_returned(spec, t, last) {
-                self.open_updates = 0;
+            if moved > largest && self.is_back(spec, unread, t, last) {
+                self.open_q24 = 0;
             }
             self.steady_updates = 0;
             return (fresh, false);
@@ -379,15 +375,16 @@ impl InputState {
         }
         self.steady_updates = 0;
         if spec.step_growth > 0 {
-            self.leave_open(spec, t, last);
+            self.leave_open(spec, unread, t, last);
         }
         (fresh, true)
     }
 
-    /// A value that jumped from the last one is nearer to the one before the open step, and within reach of it.
-    fn has_returned(&self, spec: &InputSpec, t: i32, last: i32) -> bool {
-        let from_before = t.abs_diff(self.before_q24);
-        self.open_updates > 0 && from_before < t.abs_diff(last) && from_before <= spec.reach_q24(self.open_updates)
+    /// With this one the steps since one is open add up to nothing. Both ends of a fault lie within reach of the true value.
+    fn is_back(&self, spec: &InputSpec, unread: u32, t: i32, last: i32) -> bool {
+        let rest = self.open_q24.wrapping_add(t.wrapping_sub(last)).unsigned_abs();
+        let largest = u32::from(spec.largest_step_q8) << 16;
+        self.open_q24 != 0 && u64::from(rest) <= u64::from(spec.reach_q24(unread)) + u64::from(largest)
     }
 
     /// A value was too far from the last one, and has not stayed for long enough: either may be wrong.
@@ -397,15 +394,15 @@ impl InputState {
 
     /// Nothing shows yet that the first value was right, or a step is open.
     pub(crate) const fn is_open(&self, spec: &InputSpec) -> bool {
-        spec.step_growth > 0 && (self.settled_updates <= START_UPDATES || self.open_updates > 0)
+        spec.step_growth > 0 && (self.settled_updates <= START_UPDATES || self.open_q24 != 0)
     }
 
-    /// **SAG-CORE-028** After a step SETTLING stands until the input steps back to within reach of its value before.
-    fn leave_open(&mut self, spec: &InputSpec, t: i32, last: i32) {
-        if self.has_returned(spec, t, last) {
-            self.open_updates = 0;
-        } else if self.open_updates == 0 && self.settled_updates >= START_UPDATES {
-            (self.before_q24, self.open_updates) = (last, 1);
+    /// **SAG-CORE-028** After a step SETTLING stands until the input steps back by as much.
+    fn leave_open(&mut self, spec: &InputSpec, unread: u32, t: i32, last: i32) {
+        if self.is_back(spec, unread, t, last) {
+            self.open_q24 = 0;
+        } else if self.open_q24 != 0 || self.settled_updates >= START_UPDATES {
+            self.open_q24 = self.open_q24.wrapping_add(t.wrapping_sub(last));
         }
     }
 

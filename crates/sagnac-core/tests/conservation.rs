@@ -566,17 +566,24 @@ fn a_step_stays_open_until_it_steps_back() {
             .collect()
     };
     let all = |statuses: &[Status], wanted: Status| statuses.iter().all(|status| *status == wanted);
-    // A step of 20 °C that stays; one of ten minutes, meanwhile the true value moved by 3 °C; one to a second wrong value.
+    // A step of 20 °C that stays; one of ten minutes, meanwhile the true value moved by 3 °C; one in two parts; one of which a part goes.
     let stays = run(&|n| Some(if n < 1000 { 20.0 } else { 40.0 }));
     assert!(
         all(&stays[..6], Status::SETTLING) && all(&stays[6..1000], Status::OK) && all(&stays[1002..], Status::SETTLING)
     );
-    let back = run(&|n| {
-        Some(if (1000..1600).contains(&n) { 40.0 } else { 20.0 + 0.005 * f64::from(n.clamp(1000, 1600) - 1000) })
-    });
+    let moving = |n: i32| 20.0 + 0.005 * f64::from(n.clamp(1000, 1600) - 1000);
+    let back = run(&|n| Some(moving(n) + if (1000..1600).contains(&n) { 20.0 } else { 0.0 }));
     assert!(all(&back[1002..1600], Status::SETTLING) && all(&back[1602..], Status::OK));
-    let other = run(&|n| Some([20.0, 40.0, 0.0][usize::from(n >= 1000) + usize::from(n >= 1600)]));
-    assert!(all(&other[1602..], Status::SETTLING));
+    let stages = |sizes: [f64; 3]| run(&|n| Some(moving(n) + sizes[usize::from(n >= 1000) + usize::from(n >= 1600)]));
+    let in_parts = run(&|n| Some([20.0, 30.0, 60.0, 20.0][[1000, 1100, 1600].iter().filter(|at| n >= **at).count()]));
+    let steps = [1002..1100, 1102..1600].map(|between| all(&in_parts[between], Status::SETTLING));
+    assert!(steps == [true; 2] && all(&in_parts[1602..], Status::OK));
+    for rest in [-20.0, 5.0, 3.0] {
+        assert!(all(&stages([0.0, 20.0, rest])[1602..], Status::SETTLING), "{rest}");
+    }
+    // Its reading stood still: it comes back by another step.
+    let still = run(&|n| Some(if (1000..1600).contains(&n) { 40.0 } else { moving(n) }));
+    assert!(all(&still[1002..1600], Status::SETTLING) && all(&still[1602..], Status::SETTLING));
     // The first samples after power-on were wrong.
     let start = run(&|n| Some(if n < 3 { 60.0 } else { 20.0 }));
     assert!(all(&start[6..], Status::OK) && !all(&start[..6], Status::OK));

@@ -3,6 +3,7 @@
 mod c;
 pub(crate) mod closed_loop;
 pub(crate) mod conserve;
+mod faults;
 pub(crate) mod firmware;
 mod fpga;
 mod vector_files;

@@ -338,7 +338,8 @@ mod tests {
     #[test]
     fn a_change_of_the_fit_leaves_the_target_alone() {
         let tree = Tree::read().unwrap();
-        for name in ["conserve", "c", "fpga", "deny", "studies of noise"] {
+        // `c` and `fpga` search faults in images with the limits of the export, which is in the crate of the fit.
+        for name in ["conserve", "deny", "studies of noise"] {
             let part = PARTS.iter().find(|part| part.name == name).unwrap();
             let inputs = tree.inputs(part).unwrap();
             let of_fit: Vec<&String> = inputs.iter().filter(|file| file.starts_with("crates/sagnac/src/")).collect();

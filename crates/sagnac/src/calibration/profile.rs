@@ -39,7 +39,6 @@ impl TimeEffect {
 
 /// A warm-up since power-on that the target corrects, a·e^(−t/τ). Every run of the fit began at power-on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[non_exhaustive]
 pub struct WarmUp {
     /// a, its size at power-on, °/h.
     pub value_dph: f64,

@@ -23,6 +23,7 @@ use sagnac_ports::{FixedBias, Part, c_files};
 use xtask::debian::{self, need};
 use xtask::shell::{output, root, stdout_of, text};
 
+use crate::targets::faults;
 use crate::targets::vector_files::{Spoiled, files, image, loops, spoiled, write};
 
 const STRICT: [&str; 9] =
@@ -86,6 +87,7 @@ pub(crate) fn c() -> Result<()> {
         lines: line::sessions(&folder, 120)?,
         keyed: line::keyed(&folder, 40)?,
         boards: board::records(&folder, 60)?,
+        faults: faults::vectors(&folder)?,
     };
     for machine in &MACHINES {
         machine.check(&folder, &given)?;
@@ -108,6 +110,8 @@ struct Given {
     lines: Vec<line::Session>,
     keyed: Vec<line::Session>,
     boards: PathBuf,
+    /// Vector files.
+    faults: Vec<PathBuf>,
 }
 
 impl Machine {
@@ -151,6 +155,10 @@ impl Machine {
             let line = self.run(folder, &vectors, &[text(&path)?])?;
             println!("check: C, {}: {}", self.name, short(&line));
         }
+        let faults: Vec<&str> = given.faults.iter().map(|path| text(path)).collect::<Result<_>>()?;
+        let equal = self.run(folder, &vectors, &faults)?.lines().count();
+        ensure!(equal == faults.len(), "C, {}: {equal} of {} runs of faults", self.name, faults.len());
+        println!("check: C, {}: {equal} runs of faults equal", self.name);
         self.notices(folder, &vectors, &spoiled("compensator-full", folder, Spoiled::Last)?)?;
         for (program, records) in [
             ("check_loader", &given.verdicts),

@@ -14,6 +14,7 @@ use xtask::shell::{output, root, stdout_of, text};
 
 use self::verdict::Hardware;
 use crate::places;
+use crate::targets::faults;
 use crate::targets::vector_files::{Spoiled, image, loops, spoiled, table, write};
 
 /// The modules of the correction behind its plain bus.
@@ -44,6 +45,8 @@ const PRESET: &str = "compensator-lags";
 /// Random images with records, and images alone, most of them changed.
 const RANDOM_IMAGES: u64 = 1000;
 const IMAGES_ALONE: u64 = 4000;
+/// Runs of faults that the bench's memory holds at once.
+const MOST_FAULTS: usize = 100;
 /// Images alone that the netlist is given, which is slow.
 const NETLIST_IMAGES: u64 = 300;
 
@@ -115,6 +118,9 @@ fn correction(folder: &Path) -> Result<()> {
     fs::write(&path, images::random(RANDOM_IMAGES)?)?;
     for built in [&fast, &axi] {
         built.run(&path, "random images")?;
+    }
+    for file in faults::joined(folder, MOST_FAULTS)? {
+        fast.run(&file, "runs of faults")?;
     }
     let preset = folder.join("preset");
     write(&preset, &verilog_files(&image(PRESET)?, None))?;
