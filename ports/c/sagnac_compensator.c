@@ -30,10 +30,10 @@
 #define CRC_LENGTH 4U
 /* Where the lag of a warm-up begins: -1 degC. */
 #define WARM_UP_START_Q46 (-(int64_t)70368744177664)
-/* Updates for which a step must stay before it is a value; updates from the first value on in which a step is not held open; updates for
+/* Updates for which a step must stay before it is a value; values from the first one on among which a step is not held open; updates for
  * which a reach grows; and 2^3 of the longest hold after which a filter goes on is tau. */
 #define STEADY_UPDATES 3U
-#define START_UPDATES 6U
+#define START_VALUES 6U
 #define MOST_GROWTH 65535U
 #define MOST_STEP_GROWTH 16U
 /* Slow updates that a start after a reset makes of a warm-up at most: 2^20. */
@@ -191,33 +191,20 @@ uint32_t sagnac_input_reach(const sagnac_input *spec, uint32_t updates)
     return (grown < (uint64_t)UINT32_MAX) ? (uint32_t)grown : UINT32_MAX;
 }
 
-/* The sum of the steps since one is open, with one to this value. */
-static uint32_t open_sum(const sagnac_input_state *memory, int32_t t_q24)
-{
-    return (memory->open_q24 + (uint32_t)t_q24 - (uint32_t)memory->last_q24) & 0xFFFFFFFFU;
-}
-
-/* With this one the steps since one is open add up to nothing. Both ends of a fault lie within reach of the true value. */
-static uint32_t is_back(const sagnac_input *spec, const sagnac_input_state *memory, uint32_t unread, int32_t t_q24)
-{
-    const uint32_t sum = open_sum(memory, t_q24);
-    const uint32_t rest = (sum > 0x7FFFFFFFU) ? ((0U - sum) & 0xFFFFFFFFU) : sum;
-    const uint64_t most = (uint64_t)sagnac_input_reach(spec, unread) + ((uint64_t)spec->largest_step_q8 * 65536U);
-    return ((memory->open_q24 != 0U) && ((uint64_t)rest <= most)) ? SAGNAC_YES : SAGNAC_NO;
-}
-
-/* A step stays open until the input steps back by as much. */
+/* A step stays open until the input steps back by as much: both ends of a fault lie within a largest step of the true value. */
 /* SAG-CORE-028 */
-static void open_step(const sagnac_input *spec, sagnac_input_state *memory, uint32_t unread, int32_t t_q24)
+static void open_step(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24)
 {
+    const uint32_t sum = (memory->open_q24 + (uint32_t)t_q24 - (uint32_t)memory->last_q24) & 0xFFFFFFFFU;
+    const uint64_t rest = (sum > 0x7FFFFFFFU) ? ((uint64_t)0x100000000U - (uint64_t)sum) : (uint64_t)sum;
     if (spec->step_growth == 0U) {
         /* A step is not held open. */
-    } else if (is_back(spec, memory, unread, t_q24) != 0U) {
+    } else if ((memory->open_q24 == 0U) && (memory->values < START_VALUES)) {
+        /* The first values after power-on are often wrong. */
+    } else if ((memory->open_q24 != 0U) && (rest <= ((uint64_t)spec->largest_step_q8 * 131072U))) {
         memory->open_q24 = 0U;
-    } else if ((memory->open_q24 != 0U) || (memory->settled_updates >= START_UPDATES)) {
-        memory->open_q24 = open_sum(memory, t_q24);
     } else {
-        /* The first samples after power-on are often wrong. */
+        memory->open_q24 = sum;
     }
 }
 
@@ -226,15 +213,9 @@ static void open_step(const sagnac_input *spec, sagnac_input_state *memory, uint
 static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory, int32_t t_q24)
 {
     const uint32_t largest = spec->largest_step_q8 * 65536U;
-    const uint32_t rejected = memory->steady_updates;
-    const uint32_t unread = (memory->held_updates > rejected) ? (memory->held_updates - rejected) : 0U;
     const uint32_t moved = distance(t_q24, memory->last_q24);
     uint32_t accepted = 0U;
-    if ((largest == 0U) || (memory->has_last == 0U) || (moved <= sagnac_input_reach(spec, unread))) {
-        if ((largest != 0U) && (memory->has_last != 0U) && (moved > largest) &&
-            (is_back(spec, memory, unread, t_q24) != 0U)) {
-            memory->open_q24 = 0U;
-        }
+    if ((largest == 0U) || (memory->has_last == 0U) || (moved <= sagnac_input_reach(spec, memory->unread_updates))) {
         memory->steady_updates = 0U;
         accepted = 1U;
     } else {
@@ -245,7 +226,7 @@ static uint32_t accept_step(const sagnac_input *spec, sagnac_input_state *memory
         if (memory->steady_updates >= STEADY_UPDATES) {
             memory->steady_updates = 0U;
             accepted = 2U;
-            open_step(spec, memory, unread, t_q24);
+            open_step(spec, memory, t_q24);
         }
     }
     return accepted;
@@ -284,6 +265,11 @@ static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory,
     }
     if (fresh != 0U) {
         fresh = accept_step(spec, memory, t_q24);
+    } else if ((memory->steady_updates == 0U) && (memory->unread_updates < MOST_GROWTH)) {
+        /* A reach does not grow over a sample that was held back: what comes behind it may be as wrong. */
+        memory->unread_updates++;
+    } else {
+        /* It stays. */
     }
     if ((fresh != 0U) && (source_stepped != 0U)) {
         fresh = 2U;
@@ -309,7 +295,13 @@ static uint32_t read_input(const sagnac_input *spec, sagnac_input_state *memory,
             *out = now;
         }
     }
-    memory->held_updates = (fresh != 0U) ? 0U : one_more(memory->held_updates);
+    if (fresh != 0U) {
+        memory->held_updates = 0U;
+        memory->unread_updates = 0U;
+        memory->values = (memory->values > START_VALUES) ? memory->values : (memory->values + 1U);
+    } else {
+        memory->held_updates = one_more(memory->held_updates);
+    }
     return fresh;
 }
 
@@ -361,7 +353,7 @@ uint32_t sagnac_input_is_open(const sagnac_input *spec, const sagnac_input_state
 {
     uint32_t open = 0U;
     if (spec->step_growth > 0U) {
-        open = ((memory->settled_updates <= START_UPDATES) || (memory->open_q24 != 0U)) ? SAGNAC_YES : SAGNAC_NO;
+        open = ((memory->values <= START_VALUES) || (memory->open_q24 != 0U)) ? SAGNAC_YES : SAGNAC_NO;
     }
     return open;
 }
@@ -562,6 +554,8 @@ void sagnac_compensator_start(sagnac_compensator_state *state)
         state->inputs[i].step_q24 = 0;
         state->inputs[i].steady_updates = 0U;
         state->inputs[i].held_updates = 0U;
+        state->inputs[i].unread_updates = 0U;
+        state->inputs[i].values = 0U;
         state->inputs[i].settled_updates = 0U;
         state->inputs[i].open_q24 = 0U;
     }

@@ -174,7 +174,9 @@ typedef struct {
     int32_t step_q24;
     uint32_t steady_updates;
     uint32_t held_updates;
+    uint32_t unread_updates; /* of the hold without a sample, before one was held back: its reach; at most 65,535 */
     uint32_t settled_updates;
+    uint32_t values; /* since the first one, at most 7 */
     uint32_t open_q24; /* the sum of the steps since one is open, modulo 2^32; 0 without */
 } sagnac_input_state;
 

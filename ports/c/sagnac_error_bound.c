@@ -278,6 +278,7 @@ void sagnac_error_bound_start(sagnac_error_bound *bound)
 {
     bound->held_updates = 0U;
     bound->milli_dph = SAGNAC_UNBOUNDED;
+    bound->made_milli_dph = SAGNAC_UNBOUNDED;
     bound->is_whole = SAGNAC_YES;
     bound->next = 0U;
     bound->rates = 0;
@@ -287,6 +288,26 @@ void sagnac_error_bound_start(sagnac_error_bound *bound)
 uint32_t sagnac_status_is_open_ended(uint32_t status)
 {
     return ((status & OPEN_ENDED) != 0U) ? SAGNAC_YES : SAGNAC_NO;
+}
+
+/* The sum of two numbers, at most SAGNAC_UNBOUNDED. */
+static uint32_t sum_of(uint32_t one, uint32_t other)
+{
+    return (one > (UINT32_MAX - other)) ? SAGNAC_UNBOUNDED : (one + other);
+}
+
+/* The last slice. A hold keeps a correction that may have been made of a wrong value, whatever the inputs show now. */
+static void bound_end(sagnac_error_bound *bound, uint32_t base_milli_dph, uint32_t faults_milli_dph)
+{
+    const uint32_t now = sum_of(base_milli_dph, faults_milli_dph);
+    bound->milli_dph = now;
+    if (bound->held_updates == 0U) {
+        bound->made_milli_dph = now;
+    } else {
+        const uint32_t made = sum_of(bound->made_milli_dph, faults_milli_dph);
+        bound->milli_dph = (made > now) ? made : now;
+    }
+    bound->is_whole = SAGNAC_YES;
 }
 
 void sagnac_error_bound_begin(sagnac_error_bound *bound, const sagnac_compensator_state *state)
@@ -304,19 +325,8 @@ void sagnac_error_bound_begin(sagnac_error_bound *bound, const sagnac_compensato
     bound->rates = 0;
     bound->faults = 0;
     if (sagnac_status_is_open_ended(status) != 0U) {
-        bound->is_whole = SAGNAC_YES;
-        bound->milli_dph = SAGNAC_UNBOUNDED;
+        bound_end(bound, SAGNAC_UNBOUNDED, 0U);
     }
-}
-
-/* The sum behind the last input. */
-static void bound_end(sagnac_error_bound *bound, const sagnac_image *image)
-{
-    uint32_t base = milli_dph(image, (bound->rates / PART) + 1);
-    const uint32_t more = (bound->faults > 0) ? milli_dph(image, bound->faults) : 0U;
-    base = (base > LEAST_MILLI_DPH) ? base : LEAST_MILLI_DPH;
-    bound->milli_dph = (base > (UINT32_MAX - more)) ? SAGNAC_UNBOUNDED : (base + more);
-    bound->is_whole = SAGNAC_YES;
 }
 
 void sagnac_error_bound_advance(sagnac_error_bound *bound, const sagnac_image *image, const sagnac_compensator_state *state)
@@ -336,7 +346,8 @@ void sagnac_error_bound_advance(sagnac_error_bound *bound, const sagnac_image *i
                                whole_of(&effects));
         bound->next++;
     } else {
-        bound_end(bound, image);
+        const uint32_t base = milli_dph(image, (bound->rates / PART) + 1);
+        bound_end(bound, (base > LEAST_MILLI_DPH) ? base : LEAST_MILLI_DPH, (bound->faults > 0) ? milli_dph(image, bound->faults) : 0U);
     }
 }
 

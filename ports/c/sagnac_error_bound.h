@@ -1,12 +1,16 @@
 /*
  * How far the correction may be off now: a number next to the status.
  *
- *   bound    max(0.1 deg/h, 0.05 * sum R) + sum R * alpha * step / far    status 0; R the effect of an input's rate at its border far
+ *   bound    max(0.1 deg/h, 0.05 * sum R) + the effect of a step          status 0; R the effect of an input's rate at its border far; a
+ *                                                                        step is the reach after one update: behind the lag, on the terms
+ *                                                                        with their steepest slope, and over their steps
  *   settling + 2 * R * exp(-n * alpha)                                   n slow updates after the lag began
  *   open     + 2 * (C + R)                                               C the effect of the input itself: its value may be wrong;
  *                                                                        also while a jump is weighed, and always where the image has no
  *                                                                        limit of slope for the input
- *   held     + min(2 * (C + R), the steepest slope of the terms times the limit of slope and the hold, the steps, and the change of the rate)
+ *   held     + the steepest slope of the terms times the limit of slope and the hold, the steps, and the change of the rate
+ *
+ * An input makes 2 * (C + R) at most. While a correction is held its own number counts, and these parts are added.
  *
  * Bit for bit the Rust crate sagnac-core. It bounds a fault, not the calibration: add the calibration's own uncertainty. There is no bound
  * where an input is outside its span or without a value since power-on, and none against a reading that is wrong and
@@ -33,6 +37,7 @@ extern "C" {
 typedef struct {
     uint32_t held_updates; /* slow updates in a row that kept the last correction */
     uint32_t milli_dph;    /* 0.001 deg/h, rounded up */
+    uint32_t made_milli_dph; /* that of the last update with a correction of its own, which a hold keeps */
     uint32_t is_whole;     /* no slice is missing */
     uint32_t next;         /* the next slice: an input, or the sum behind the last one */
     int64_t rates;         /* of the slices so far, Q40 counts per tick */

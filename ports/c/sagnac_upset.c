@@ -47,6 +47,8 @@ uint32_t sagnac_state_sum(const sagnac_compensator_state *state)
         sum = add_word(sum, (uint32_t)input->step_q24);
         sum = add_word(sum, input->steady_updates);
         sum = add_word(sum, input->held_updates);
+        sum = add_word(sum, input->unread_updates);
+        sum = add_word(sum, input->values);
         sum = add_word(sum, input->settled_updates);
         sum = add_word(sum, input->open_q24);
     }

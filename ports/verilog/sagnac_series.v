@@ -106,6 +106,9 @@ module sagnac_series #(
     // Those of them that took a step.
     reg [3:0] stepped_now;
     reg [31:0] held_updates [0:3];
+    // Updates of the hold without a sample, before one was held back; values since the first one, up to 7.
+    reg [15:0] unread_updates [0:3];
+    reg [2:0] values [0:3];
     reg [31:0] settled_updates [0:3];
     reg signed [48:0] x [0:3];
     reg signed [34:0] y [0:3];
@@ -206,11 +209,8 @@ module sagnac_series #(
     wire [32:0] step_size = from_last[32] ? -from_last : from_last;
     wire [32:0] stay_size = from_step[32] ? -from_step : from_step;
     wire [31:0] open_size = open_sum[31] ? -open_sum : open_sum;
-    wire is_back = open_q24[at] != 32'sd0 && {18'd0, open_size} <= reach + {17'd0, largest};
-    // A reach grows for 65,535 updates at most; the sum of the product of updates and step.
-    // Updates at which nothing was read: not those at which this value was held back.
-    wire [31:0] unread = held_updates[at] - {30'd0, steady[at]};
-    wire [15:0] growing_held = |unread[31:16] ? 16'hffff : unread[15:0];
+    wire is_back = open_q24[at] != 32'sd0 && {2'd0, open_size} <= {largest, 1'b0};
+    // The sum of the product of updates and step.
     wire [49:0] grown = {17'd0, largest} + ({18'd0, result[31:0]} << step_growth);
     wire grows = STEP_LIMITS != 0 && step_growth != 5'd0;
     // SAG-CORE-003
@@ -327,6 +327,8 @@ module sagnac_series #(
                 step_q24[i] <= 32'sd0;
                 steady[i] <= 2'd0;
                 open_q24[i] <= 32'sd0;
+                unread_updates[i] <= 16'd0;
+                values[i] <= 3'd0;
                 x[i] <= 49'sd0;
                 y[i] <= 35'sd0;
             end
@@ -401,8 +403,8 @@ module sagnac_series #(
                     fresh <= is_valid;
                     value_now <= value_code;
                     reach <= {17'd0, largest};
-                    if (is_valid && grows && held_updates[at] != 32'd0)
-                        multiply({48'd0, growing_held}, {19'd0, largest_step}, 7'd0, 1'b0, REACH);
+                    if (is_valid && grows && unread_updates[at] != 16'd0)
+                        multiply({48'd0, unread_updates[at]}, {19'd0, largest_step}, 7'd0, 1'b0, REACH);
                     else
                         state <= TAKE;
                 end
@@ -427,10 +429,8 @@ module sagnac_series #(
                         end
                         has_last[at] <= 1'b1;
                         // SAG-CORE-028
-                        if (grows && has_last[at] && step_size > largest && is_back)
-                            open_q24[at] <= 32'sd0;
-                        else if (grows && is_step && (open_q24[at] != 32'sd0 || settled_updates[at] >= 32'd6))
-                            open_q24[at] <= open_sum;
+                        if (grows && is_step && (open_q24[at] != 32'sd0 || values[at] >= 3'd6))
+                            open_q24[at] <= is_back ? 32'sd0 : open_sum;
                     end
                 end
                 ACCEPT: begin
@@ -438,6 +438,11 @@ module sagnac_series #(
                     difference <= {{2{last_q24[at][31]}}, last_q24[at], 22'd0} - lag_wide;
                     held_updates[at] <= fresh ? 32'd0
                         : (&held_updates[at] ? held_updates[at] : held_updates[at] + 32'd1);
+                    if (fresh) begin
+                        unread_updates[at] <= 16'd0;
+                        values[at] <= &values[at] ? values[at] : values[at] + 3'd1;
+                    end else if (steady[at] == 2'd0 && !(&unread_updates[at]))
+                        unread_updates[at] <= unread_updates[at] + 16'd1;
                     if (has_last[at] && !(&settled_updates[at]))
                         settled_updates[at] <= settled_updates[at] + 32'd1;
                     y[at] <= 35'sd0;
@@ -481,7 +486,7 @@ module sagnac_series #(
                     fresh_now[at] <= fresh;
                     reported <= reported
                         | {1'b0, (settling_updates != 32'd0 && settled_updates[at] <= settling_updates)
-               || (reported_grows && (settled_updates[at] <= 32'd6 || open_q24[at] != 32'sd0)),
+               || (reported_grows && (values[at] <= 3'd6 || open_q24[at] != 32'sd0)),
                            !fresh && held_updates[at] > stale_after_updates, !fresh, y_clamped, x_clamped || y_clamped};
                     index <= index + 3'd1;
                     state <= INPUT;

@@ -11,7 +11,7 @@
 //!                                                       Δy ≤ α·reach·(1 + n·α)/far + n·α the change of the rate
 //! ```
 //!
-//! An input makes 2·(C + R) at most, whatever happens to it.
+//! An input makes 2·(C + R) at most, whatever happens to it. While a correction is held its own number counts, and these parts are added.
 //!
 //! It bounds the fault, not the calibration: add the calibration's own uncertainty. There is no bound where an input is outside its span or
 //! without a value since power-on, and none against a reading that is wrong and moves by no more than a largest step at a time. Scale terms count for
@@ -47,6 +47,8 @@ pub struct ErrorBound {
     /// Slow updates in a row that kept the last correction.
     held_updates: u32,
     milli_dph: u32,
+    /// That of the last update with a correction of its own, which a hold keeps.
+    made_milli_dph: u32,
     /// The next slice: an input, or the sum behind the last one; [`WHOLE`] when none is missing.
     next: u8,
     /// Of the slices so far, Q40 counts per tick.
@@ -66,7 +68,7 @@ impl Default for ErrorBound {
 impl ErrorBound {
     /// Before the first slow update: no bound.
     pub const fn new() -> Self {
-        Self { held_updates: 0, milli_dph: UNBOUNDED, next: WHOLE, rates: 0, faults: 0 }
+        Self { held_updates: 0, milli_dph: UNBOUNDED, made_milli_dph: UNBOUNDED, next: WHOLE, rates: 0, faults: 0 }
     }
 
     /// The bound of the last slow update whose slices are made, 0.001 °/h rounded up; [`UNBOUNDED`] for none.
@@ -100,7 +102,7 @@ impl ErrorBound {
         self.held_updates = if status.contains(Status::HELD) { self.held_updates.saturating_add(1) } else { 0 };
         (self.next, self.rates, self.faults) = (0, 0, 0);
         if Self::is_open_ended(status) {
-            (self.next, self.milli_dph) = (WHOLE, UNBOUNDED);
+            self.end(UNBOUNDED, 0);
         }
     }
 
@@ -118,8 +120,18 @@ impl ErrorBound {
             self.next += 1;
         } else if !self.is_whole() {
             let bound = milli_dph(image, self.rates / PART + 1).max(LEAST_MILLI_DPH);
-            let faults = if self.faults > 0 { milli_dph(image, self.faults) } else { 0 };
-            (self.next, self.milli_dph) = (WHOLE, bound.saturating_add(faults));
+            self.end(bound, if self.faults > 0 { milli_dph(image, self.faults) } else { 0 });
+        }
+    }
+
+    /// The last slice. A hold keeps a correction that may have been made of a wrong value, whatever the inputs show now.
+    fn end(&mut self, bound_milli_dph: u32, faults_milli_dph: u32) {
+        let now = bound_milli_dph.saturating_add(faults_milli_dph);
+        self.next = WHOLE;
+        if self.held_updates == 0 {
+            (self.milli_dph, self.made_milli_dph) = (now, now);
+        } else {
+            self.milli_dph = now.max(self.made_milli_dph.saturating_add(faults_milli_dph));
         }
     }
 }

@@ -27,7 +27,7 @@
 //! reach = largest_step_q8·2¹⁶ + min(updates, 2¹⁶ − 1)·largest_step_q8·2^growth      2⁻²⁴ °C; without growth the first part alone
 //! ```
 //!
-//! Updates count in which nothing was read, not those at which this value was already held back.
+//! Updates count in which nothing was read, up to the first at which a value was held back.
 //!
 //! While a value is missing the filter runs on the last one. When it returns after a hold of more than an eighth of τ, or with a step
 //! that was held back, the filter begins again at it, and so do those of the differences and repeats that read it: the change meanwhile
@@ -36,7 +36,7 @@
 //!
 //! After a step that no temperature makes, one of both readings is wrong, and nothing shows which. With growth such a step stays open,
 //! and the status SETTLING, until the input jumps back by as much: until the steps since add up to no more than two largest ones. The first
-//! samples after power-on are often wrong: the status is SETTLING for [`START_UPDATES`] from the first value on, and a step within them is not
+//! samples after power-on are often wrong: the status is SETTLING for [`START_VALUES`] from the first value on, and a step behind fewer is not
 //! held open.
 
 use crate::checksum::Checksum;
@@ -45,8 +45,8 @@ use crate::series::{ONE_Q31, ONE_Q47};
 
 /// Updates for which a step must stay before it is a value.
 pub const STEADY_UPDATES: u8 = 3;
-/// Updates from the first value on in which a step is not held open.
-const START_UPDATES: u32 = 6;
+/// Values from the first one on among which a step is not held open.
+const START_VALUES: u8 = 6;
 /// Updates for which a reach grows.
 const MOST_GROWTH: u32 = 0xffff;
 /// A filter begins again after a hold of more than τ by two to this power.
@@ -241,7 +241,11 @@ pub(crate) struct InputState {
     step_q24: i32,
     steady_updates: u8,
     pub(crate) held_updates: u32,
+    /// Updates of the hold without a sample, before one was held back: its reach.
+    unread_updates: u16,
     pub(crate) settled_updates: u32,
+    /// Values since the first one, up to [`START_VALUES`] and one.
+    values: u8,
     /// The sum of the steps since one is open, modulo 2³²; 0 without.
     open_q24: i32,
 }
@@ -264,7 +268,9 @@ impl InputState {
             step_q24: 0,
             steady_updates: 0,
             held_updates: 0,
+            unread_updates: 0,
             settled_updates: 0,
+            values: 0,
             open_q24: 0,
         }
     }
@@ -277,7 +283,8 @@ impl InputState {
         };
         sum.long(self.lag_q46)
             .long(self.remainder)
-            .word(has_last | (self.steady_updates as u32) << 1)
+            .word(has_last | (self.steady_updates as u32) << 1 | (self.values as u32) << 9)
+            .word(self.unread_updates as u32)
             .word(last)
             .word(self.step_q24.cast_unsigned())
             .word(self.held_updates)
@@ -301,8 +308,14 @@ impl InputState {
             ]
         });
         let present = self.last_q24.map_or(Some(1), |_| None);
-        let byte = (0..8).map(|bit| Self { steady_updates: self.steady_updates ^ 1 << bit, ..*self });
-        long.chain(word).chain(byte).chain([Self { last_q24: present, ..*self }])
+        let byte = (0..8).flat_map(|bit| {
+            [
+                Self { steady_updates: self.steady_updates ^ 1 << bit, ..*self },
+                Self { values: self.values ^ 1 << bit, ..*self },
+            ]
+        });
+        let short = (0..16).map(|bit| Self { unread_updates: self.unread_updates ^ 1 << bit, ..*self });
+        long.chain(word).chain(byte).chain(short).chain([Self { last_q24: present, ..*self }])
     }
 
     /// Power-on: the filter of a warm-up begins, once.
@@ -347,7 +360,8 @@ impl InputState {
             self.held_updates = self.held_updates.saturating_add(1);
             return None;
         }
-        self.held_updates = 0;
+        (self.held_updates, self.unread_updates) = (0, 0);
+        self.values = (self.values + 1).min(START_VALUES + 1);
         let (x_q47, x_clamped) = spec.scaled(t);
         Some((ScaledInput { x_q47, y_q31, x_clamped, y_clamped }, stepped))
     }
@@ -356,14 +370,14 @@ impl InputState {
     ///
     /// **SAG-CORE-003** A value beyond reach of the last one is used only when three in a row lie within the largest step of each other.
     fn held_back(&mut self, spec: &InputSpec, fresh: Option<i32>) -> (Option<i32>, bool) {
-        let (Some(t), Some(last)) = (fresh, self.last_q24) else { return (fresh, false) };
+        let (Some(t), Some(last)) = (fresh, self.last_q24) else {
+            // A reach does not grow over a sample that was held back: what comes behind it may be as wrong.
+            let grows = fresh.is_none() && self.steady_updates == 0;
+            self.unread_updates = self.unread_updates.saturating_add(grows.into());
+            return (fresh, false);
+        };
         let largest = u32::from(spec.largest_step_q8) << 16;
-        let unread = self.held_updates.saturating_sub(self.steady_updates.into());
-        let moved = t.abs_diff(last);
-        if largest == 0 || moved <= spec.reach_q24(unread) {
-            if moved > largest && self.is_back(spec, unread, t, last) {
-                self.open_q24 = 0;
-            }
+        if largest == 0 || t.abs_diff(last) <= spec.reach_q24(self.unread_updates.into()) {
             self.steady_updates = 0;
             return (fresh, false);
         }
@@ -375,16 +389,9 @@ impl InputState {
         }
         self.steady_updates = 0;
         if spec.step_growth > 0 {
-            self.leave_open(spec, unread, t, last);
+            self.leave_open(spec, t, last);
         }
         (fresh, true)
-    }
-
-    /// With this one the steps since one is open add up to nothing. Both ends of a fault lie within reach of the true value.
-    fn is_back(&self, spec: &InputSpec, unread: u32, t: i32, last: i32) -> bool {
-        let rest = self.open_q24.wrapping_add(t.wrapping_sub(last)).unsigned_abs();
-        let largest = u32::from(spec.largest_step_q8) << 16;
-        self.open_q24 != 0 && u64::from(rest) <= u64::from(spec.reach_q24(unread)) + u64::from(largest)
     }
 
     /// A value was too far from the last one, and has not stayed for long enough: either may be wrong.
@@ -394,16 +401,18 @@ impl InputState {
 
     /// Nothing shows yet that the first value was right, or a step is open.
     pub(crate) const fn is_open(&self, spec: &InputSpec) -> bool {
-        spec.step_growth > 0 && (self.settled_updates <= START_UPDATES || self.open_q24 != 0)
+        spec.step_growth > 0 && (self.values <= START_VALUES || self.open_q24 != 0)
     }
 
     /// **SAG-CORE-028** After a step SETTLING stands until the input steps back by as much.
-    fn leave_open(&mut self, spec: &InputSpec, unread: u32, t: i32, last: i32) {
-        if self.is_back(spec, unread, t, last) {
-            self.open_q24 = 0;
-        } else if self.open_q24 != 0 || self.settled_updates >= START_UPDATES {
-            self.open_q24 = self.open_q24.wrapping_add(t.wrapping_sub(last));
+    fn leave_open(&mut self, spec: &InputSpec, t: i32, last: i32) {
+        if self.open_q24 == 0 && self.values < START_VALUES {
+            return;
         }
+        // Both ends of a fault lie within a largest step of the true value.
+        let sum = self.open_q24.wrapping_add(t.wrapping_sub(last));
+        let is_back = self.open_q24 != 0 && u64::from(sum.unsigned_abs()) <= u64::from(spec.largest_step_q8) << 17;
+        self.open_q24 = if is_back { 0 } else { sum };
     }
 
     /// Advances the lag by one Δt; returns the scaled, clamped rate and whether it was clamped.

@@ -584,9 +584,27 @@ fn a_step_stays_open_until_it_steps_back() {
     // Its reading stood still: it comes back by another step.
     let still = run(&|n| Some(if (1000..1600).contains(&n) { 40.0 } else { moving(n) }));
     assert!(all(&still[1002..1600], Status::SETTLING) && all(&still[1602..], Status::SETTLING));
-    // The first samples after power-on were wrong.
-    let start = run(&|n| Some(if n < 3 { 60.0 } else { 20.0 }));
-    assert!(all(&start[6..], Status::OK) && !all(&start[..6], Status::OK));
+    // The first samples after power-on were wrong: up to five are forgotten.
+    for wrong in 1..8 {
+        let start = run(&|n| Some(if n < wrong { 60.0 } else { 20.0 }));
+        let wanted = if wrong < 6 { Status::OK } else { Status::SETTLING };
+        assert!(all(&start[wrong as usize + 7..], wanted) && !all(&start[..6], Status::OK), "{wrong}");
+    }
+    // A step behind a hold, and one behind another; and one of which the first samples were the last before a gap.
+    let flaky =
+        |right: i32| run(&|n| (!(900..1000).contains(&n)).then_some(if n < 1000 + right { 20.0 } else { 40.0 }));
+    let again = |right: i32| run(&|n| Some(if (1000..1060).contains(&n) || n >= 1060 + right { 40.0 } else { 20.0 }));
+    for right in 0..12 {
+        assert!(all(&flaky(right)[1020..], Status::SETTLING), "{right}");
+        assert!(all(&again(right)[1080..], Status::SETTLING), "{right}");
+    }
+    let before_a_gap = run(&|n| (!(1002..1902).contains(&n)).then_some(if n < 1000 { 20.0 } else { 24.0 }));
+    assert!(all(&before_a_gap[1910..], Status::SETTLING));
+    // Missing while a step is open: it stays open.
+    let missing = run(&|n| {
+        (!(1100..1700).contains(&n)).then_some(if n < 1000 { 20.0 } else { 23.0 - 1e-4 * f64::from(n - 1000) })
+    });
+    assert!(all(&missing[1700..], Status::SETTLING));
     // Missing for 200 updates: 0.8 °C more are no step, 5 °C more are.
     let gap = |moved: f64| run(&|n| (!(1000..1200).contains(&n)).then_some(if n < 1100 { 20.0 } else { 20.0 + moved }));
     assert!(all(&gap(1.7)[1200..], Status::OK));

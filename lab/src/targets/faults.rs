@@ -6,7 +6,7 @@
 //! ```
 //!
 //! R is the largest effect of a rate term. Faults are steps, spikes, dropouts, wrong first samples and returns of any size and length on one
-//! input, dropouts of all, and resets. Images are drawn with the rules of the export; `sagnac`'s study has those of fits.
+//! input, dropouts of all, resets; a contact that comes back for a moment, a step soon after missing samples or before them. Images are drawn with the rules of the export; `sagnac`'s study has those of fits.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -146,7 +146,7 @@ impl Unit {
     fn run(&self, run: u64) -> Result<Worst> {
         let mut rng = ChaCha8Rng::seed_from_u64((self.seed << 20) + run);
         let truth = self.values(&mut rng);
-        let (faulty, restart) = self.with_fault((self.seed / KINDS + run) % 6, &truth, &mut rng);
+        let (faulty, restart) = self.with_fault((self.seed / KINDS + run) % 9, &truth, &mut rng);
         let codes = |values: &[[Option<f64>; MAX_INPUTS]]| -> Vec<Codes> {
             values.iter().map(|values| self.codes(values)).collect()
         };
@@ -230,6 +230,8 @@ impl Unit {
         let length = f64::exp(rng.random_range(0.0..7.5)) as usize;
         let unit = if matches!(self.inputs[input].source, InputSource::Column(_)) { 0.005 } else { 0.2 };
         let size = unit * f64::exp(rng.random_range(0.0..6.2)) * if rng.random() { -1.0 } else { 1.0 };
+        // No more than keeps a reading valid: a wrong one behind missing ones may have come within the limits of slope.
+        let size = if kind < 6 { size } else { size.clamp(-15.0, 15.0) };
         let mut off = |from: usize, to: usize, size: f64| {
             let until = to.min(SIX_HOURS);
             values[from.min(until)..until]
@@ -244,6 +246,20 @@ impl Unit {
             4 => {
                 off(start, start + length, size);
                 off(start + 2 * length, start + 3 * length, -0.7 * size);
+            }
+            // A contact that comes back for a moment.
+            6 => {
+                let again = start + length + rng.random_range(0..12);
+                off(start, start + length, size);
+                off(again, SIX_HOURS, size);
+            }
+            // A step soon after missing samples, and missing samples soon after a step.
+            7 | 8 => {
+                let gap = if kind == 7 { start } else { start + length + rng.random_range(1..5) };
+                let step = if kind == 7 { start + length + rng.random_range(1..9) } else { start + length };
+                off(step, SIX_HOURS, size);
+                let gap = gap.min(SIX_HOURS)..(gap + length).min(SIX_HOURS);
+                values[gap].iter_mut().for_each(|values| values[input] = None);
             }
             2 => {
                 let all = rng.random();

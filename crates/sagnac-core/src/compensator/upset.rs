@@ -110,7 +110,7 @@ mod tests {
                 flips += 1;
             }
         }
-        assert_eq!(flips, 274 + 4 * (64 + 64 + 33 + 32 + 8 + 32 + 32 + 32));
+        assert_eq!(flips, 274 + 4 * (64 + 64 + 33 + 32 + 8 + 8 + 16 + 32 + 32 + 32));
     }
 
     /// SAG-CORE-027: a bit above the range of a field that changes each tick is seen, and no state of a run is called upset.
