@@ -15,6 +15,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::in_range;
+use super::interval::{check_interval, some_interval};
 use crate::error::{Error, Result};
 use sagnac_units::format::controls;
 
@@ -48,6 +49,7 @@ pub struct BenchSetup {
     /// Limits that the unit is to meet: a file of `verify`, or one of its sets by name.
     pub limits: Option<String>,
     /// Temperatures that the calibration is to cover, °C; asked before a test may end itself.
+    #[serde(deserialize_with = "some_interval")]
     pub span_c: Option<[f64; 2]>,
     /// Rate of the chamber's ramps, °C/min; that of the record by default.
     pub ramp_cpm: Option<f64>,
@@ -156,10 +158,7 @@ impl BenchSetup {
         in_range("bench.share", self.share, 0.01, 0.99)?;
         in_range("bench.probability", self.probability, 0.5, 0.9999)?;
         in_range("bench.passes", self.passes.map(f64::from), 1.0, 100.0)?;
-        if let Some([lo, hi]) = self.span_c {
-            in_range("bench.span_c", Some(lo), -127.0, 127.0)?;
-            in_range("bench.span_c", Some(hi), lo, 127.0)?;
-        }
+        self.span_c.map_or(Ok(()), |span_c| check_interval("bench.span_c", span_c, [-127.0, 127.0]))?;
         let mut names: Vec<&str> = Vec::new();
         for poll in &self.polls {
             in_range("bench.poll.every_s", Some(poll.every_s), 0.01, 3600.0)?;

@@ -6,6 +6,7 @@
 mod bench;
 mod defaults;
 mod input_rate;
+mod interval;
 mod rate_unit;
 
 use std::collections::BTreeMap;
@@ -22,6 +23,7 @@ pub use rate_unit::{RATE_UNITS, RateUnit};
 use crate::error::{Error, Result};
 use crate::memory::MemoryBudget;
 use crate::read::read_text;
+use crate::setup::interval::{check_interval, interval, some_interval};
 use sagnac_units::format::controls;
 
 const DEFAULT_TICK_NS: i64 = 100_000;
@@ -161,7 +163,7 @@ pub struct ThermometerSetup {
     #[serde(default)]
     pub name: String,
     /// Valid range, °C; temperatures outside are treated as missing.
-    #[serde(default = "default_valid_range")]
+    #[serde(default = "default_valid_range", deserialize_with = "interval")]
     pub valid_range_c: [f64; 2],
     /// How long a correction is kept without a temperature before it is STALE, s.
     #[serde(default = "default_stale_after")]
@@ -207,7 +209,7 @@ pub struct AuxSetup {
     /// Name as in the header `aux_<name>`.
     pub name: String,
     /// Valid range; values outside are treated as missing. By default the fit's span, widened by its own width on both sides.
-    #[serde(default)]
+    #[serde(default, deserialize_with = "some_interval")]
     pub valid_range: Option<[f64; 2]>,
     /// How long a correction is kept without a value before it is STALE, s.
     #[serde(default = "default_stale_after")]
@@ -238,17 +240,7 @@ impl AuxSetup {
     }
 
     fn check(&self) -> Result<()> {
-        if let Some([lo, hi]) = self.valid_range {
-            in_range("aux.valid_range", Some(lo), -1e12, 1e12)?;
-            in_range("aux.valid_range", Some(hi), lo, 1e12)?;
-            if lo == hi {
-                return Err(Error::input(
-                    "must be two values, the lower first",
-                    "write it like valid_range = [0.0, 5.0]",
-                )
-                .column("aux.valid_range"));
-            }
-        }
+        self.valid_range.map_or(Ok(()), |range| check_interval("aux.valid_range", range, [-1e12, 1e12]))?;
         in_range("aux.stale_after_s", Some(self.stale_after_s), 0.0, 1e6)?;
         in_range("aux.max_step", self.max_step, 0.0, 1e12)?;
         in_range("aux.offset", self.offset, -1e12, 1e12)?;
@@ -512,9 +504,7 @@ fn is_default(runs: &RunDivision) -> bool {
 /// # Errors
 /// The first value outside its range, by name.
 pub fn check_thermometer(t: &ThermometerSetup) -> Result<()> {
-    let [lo, hi] = t.valid_range_c;
-    in_range("thermometer.valid_range_c", Some(lo), -127.0, 127.0)?;
-    in_range("thermometer.valid_range_c", Some(hi), lo, 127.0)?;
+    check_interval("thermometer.valid_range_c", t.valid_range_c, [-127.0, 127.0])?;
     in_range("thermometer.stale_after_s", Some(t.stale_after_s), 0.0, 1e6)?;
     in_range("thermometer.max_step_c", t.max_step_c, 0.0, 250.0)?;
     in_range("thermometer.offset_c", t.offset_c, -127.0, 127.0)?;
