@@ -12,13 +12,15 @@ mod verbs;
 use std::io::Write;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{FromArgMatches as _, Parser, Subcommand};
 use sagnac_log::read::protect_inputs;
 use sagnac_log::threads::{STACK_BYTES, spawn};
 use sagnac_units::format::printable;
 
+use crate::files::Files;
 use crate::files::interrupt;
 use crate::files::log_paths::expanded;
+use crate::files::named::named;
 use crate::output::console::{self, Console, Loudness, Outcome};
 use crate::verbs::{Verbs, manual, old};
 
@@ -88,8 +90,11 @@ fn on_all_processors<T: Send>(work: impl FnOnce() -> T + Send) -> T {
 }
 
 fn begin() -> ExitCode {
-    let mut cli = match Cli::try_parse() {
-        Ok(cli) => cli,
+    let program = <Cli as clap::CommandFactory>::command();
+    let parsed = program.clone().try_get_matches();
+    let (mut cli, named) = match parsed.and_then(|found| Ok((Cli::from_arg_matches(&found)?, named(&program, &found))))
+    {
+        Ok(parsed) => parsed,
         Err(said) => return arguments_said(&said),
     };
     let json = match &mut cli.command {
@@ -104,7 +109,7 @@ fn begin() -> ExitCode {
     let ran = std::panic::catch_unwind(|| {
         on_all_processors(|| {
             let mut console = Console::new(json, loudness);
-            let ran = run(cli.command, &mut console);
+            let ran = run(cli.command, named, &mut console);
             console.ended(ran)
         })
     });
@@ -136,13 +141,15 @@ fn arguments_said(said: &clap::Error) -> ExitCode {
     }
 }
 
-fn run(command: Command, console: &mut Console) -> console::Ran {
+fn run(command: Command, mut named: Files, console: &mut Console) -> console::Ran {
     match command {
         Command::Verb(mut verbs) => {
             let verb = verbs.verb();
             if let Some(logs) = verb.logs() {
                 *logs = expanded(logs, console)?;
+                named = named.reads(logs.iter());
             }
+            named.check()?;
             verb.run(console)
         }
         Command::Manual(args) => manual::run(&args, <Cli as clap::CommandFactory>::command(), console),

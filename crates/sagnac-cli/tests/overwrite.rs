@@ -452,3 +452,19 @@ fn a_link_that_appears_later_to_an_input_is_not_replaced() {
     let (status, said) = run(false);
     assert_eq!(status, 0, "{said}");
 }
+
+/// A log that the shell opened: standard input is an input too.
+#[cfg(unix)]
+#[test]
+fn redirected_standard_input_is_not_replaced() {
+    let it = Bench::new();
+    let before = fs::read(it.path("log.csv")).unwrap();
+    let program = assert_cmd::cargo::cargo_bin("sagnac");
+    let mut command = std::process::Command::new(program);
+    let input = fs::File::open(it.path("log.csv")).unwrap();
+    let command = command.args(["compensate", "unit.cal.json", "-", "-o", "log.csv"]).current_dir(it.folder.path());
+    let output = command.stdin(input).output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(output.status.code() == Some(2) && said.contains("the command reads this file"), "{said}");
+    assert!(fs::read(it.path("log.csv")).unwrap() == before);
+}

@@ -48,9 +48,22 @@ fn text_of(file: File, path: &Path, what: &str, most_bytes: u64) -> Result<Strin
 /// Device and number of each input; none while they are not protected.
 static INPUTS: Mutex<Option<HashSet<[u64; 2]>>> = Mutex::new(None);
 
-/// From now on this program replaces no file that it opened as an input.
+/// From now on this program replaces no file that it opened as an input, nor one that is its standard input.
 pub fn protect_inputs() {
-    INPUTS.lock().unwrap_or_else(PoisonError::into_inner).get_or_insert_default();
+    let mut inputs = INPUTS.lock().unwrap_or_else(PoisonError::into_inner);
+    inputs.get_or_insert_default().extend(standard_input().as_ref().and_then(identity));
+}
+
+#[cfg(unix)]
+fn standard_input() -> Option<Metadata> {
+    use std::os::fd::AsFd as _;
+    let own = std::io::stdin().as_fd().try_clone_to_owned().ok()?;
+    File::from(own).metadata().ok()
+}
+
+#[cfg(not(unix))]
+fn standard_input() -> Option<Metadata> {
+    None
 }
 
 /// Opens an input.

@@ -31,6 +31,11 @@ impl ReportArgs {
     /// Checks what will be written next to the other files of the command; refuses what is no page.
     pub(crate) fn check_with(&self, files: Files) -> Result<()> {
         files.writes(&self.page).figures_in(&self.figures).check()?;
+        self.check_name()
+    }
+
+    /// Refuses what is no page.
+    pub(crate) fn check_name(&self) -> Result<()> {
         self.page.as_deref().map_or(Ok(()), refuse_other_endings)
     }
 

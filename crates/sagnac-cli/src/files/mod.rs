@@ -4,6 +4,7 @@ mod checked;
 pub(crate) mod interrupt;
 pub(crate) mod loading;
 pub(crate) mod log_paths;
+pub(crate) mod named;
 pub(crate) mod pipe;
 
 pub(crate) use checked::Files;

@@ -14,7 +14,7 @@ use sagnac_units::format::significant;
 use crate::args::report::ReportArgs;
 use crate::args::setup::{SetupArgs, numbers};
 use crate::args::units::UnitsArgs;
-use crate::files::{Files, loading};
+use crate::files::loading;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::noise_brief::noise_brief;
 use crate::output::tables::excluded;
@@ -84,8 +84,7 @@ impl Verb for Args {
     }
 
     fn run(&self, console: &mut Console) -> Ran {
-        let files = Files::new().reads(&self.logs).reads(&self.setup.setup).writes(&self.output);
-        self.report.check_with(files)?;
+        self.report.check_name()?;
         if let Some(path) = &self.output {
             loading::check_output_name(path, "CSV")?;
         }

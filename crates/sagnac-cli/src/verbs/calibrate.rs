@@ -15,7 +15,6 @@ use sagnac_units::format::significant;
 use crate::args::report::ReportArgs;
 use crate::args::setup::{LogArgs, source_date_epoch};
 use crate::args::units::UnitsArgs;
-use crate::files::Files;
 use crate::output::brief::Remark;
 use crate::output::calibration::describe;
 use crate::output::calibration_brief::calibration_brief;
@@ -89,9 +88,7 @@ impl Verb for Args {
     }
 
     fn run(&self, console: &mut Console) -> Ran {
-        let files =
-            Files::new().reads(&self.logs).reads(&self.reading.setup.setup).reads(&self.prior).writes(&self.output);
-        self.report.check_with(files)?;
+        self.report.check_name()?;
         let prior = self.prior.as_deref().map(|path| of_unit(path, self.lot.as_deref())).transpose()?;
         if let (Some(lot), Some(UnitPrior { lot: None, .. })) = (&self.lot, &prior) {
             console.note(format!(

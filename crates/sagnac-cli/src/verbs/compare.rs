@@ -11,7 +11,7 @@ use sagnac_units::format;
 
 use crate::args::report::ReportArgs;
 use crate::args::units::UnitsArgs;
-use crate::files::{Files, loading};
+use crate::files::loading;
 use crate::output::comparison_brief::comparison_brief;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::tables::limits_table;
@@ -46,7 +46,7 @@ impl Verb for Args {
     }
 
     fn run(&self, console: &mut Console) -> Ran {
-        self.report.check_with(Files::new().reads(&self.calibrations).reads(&self.limits))?;
+        self.report.check_name()?;
         let read =
             |path: &PathBuf| -> Result<(String, Calibration)> {
                 let name = path.display().to_string();

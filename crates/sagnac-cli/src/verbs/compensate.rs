@@ -11,8 +11,8 @@ use sagnac_log::write::write_atomically;
 use sagnac_units::format::significant;
 
 use crate::args::setup::SetupArgs;
+use crate::files::loading;
 use crate::files::pipe::PipeAware;
-use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::open_log;
 use crate::output::tables::not_replayed;
@@ -46,7 +46,6 @@ pub(crate) struct Args {
 impl Verb for Args {
     fn run(&self, console: &mut Console) -> Ran {
         self.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
-        Files::new().reads([&self.correction, &self.log]).reads(&self.setup.setup).writes(&self.output).check()?;
         let correction = loading::correction(&self.correction)?;
         let setup = self.setup.over(correction.setup())?;
         let done = match &self.output {

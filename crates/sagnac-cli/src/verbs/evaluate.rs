@@ -12,7 +12,7 @@ use sagnac_units::format::{counted, plain, significant};
 use serde::Serialize;
 
 use crate::args::units::UnitsArgs;
-use crate::files::{Files, loading};
+use crate::files::loading;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table;
 use crate::verbs::verb::Verb;
@@ -66,7 +66,6 @@ impl Verb for Args {
     }
 
     fn run(&self, console: &mut Console) -> Ran {
-        Files::new().reads([&self.calibration]).writes(&self.output).check()?;
         let calibration = loading::calibration(&self.calibration)?;
         let units = self.units.over(&calibration.setup);
         let temperatures = temperatures(&self.at)?;

@@ -11,7 +11,7 @@ use sagnac_log::write::write_bytes;
 use sagnac_signature::{Keyed, Signer};
 
 use crate::args::signature::{BlockArgs, block, model_bytes, public_key, words};
-use crate::files::{Files, loading};
+use crate::files::loading;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::verbs::verb::Verb;
 
@@ -124,7 +124,6 @@ fn new_file(path: &Path, bytes: &[u8], mode: u32) -> Result<()> {
 }
 
 fn sign(image: &Path, key: &Path, args: &BlockArgs, output: &Path, console: &mut Console) -> Ran {
-    Files::new().reads([image, key]).writes([output]).check()?;
     let (decoded, bytes, before) = loading::signed_image(image)?;
     if before.is_some() {
         return Err(Error::input("the image is signed already", "sign the image that `sagnac export` wrote")

@@ -14,6 +14,7 @@ use sagnac_log::setup::{BenchSetup, PollColumn, Setup};
 use sagnac_log::write::write_bytes;
 use serde_json::Value;
 
+use crate::files::named::{Use, use_of};
 use crate::output::console::{Console, Outcome, Ran};
 
 /// Print completions for a shell, a man page, or the manual as Markdown
@@ -102,6 +103,8 @@ fn markdown(program: &mut Command) -> Result<String> {
         out += &format!("| [`{0}`](#sagnac-{0}) | {1} |\n", command.get_name(), plain(command.get_about()));
     }
     out += EXIT_STATUS;
+    out += FILES;
+    out += &files(program, "");
     for name in names {
         if let Some(command) = program.find_subcommand_mut(&name) {
             out += &section(command, "##");
@@ -146,6 +149,33 @@ With `--json` one object goes to standard output and the text to standard error;
 takes over a second shows its progress, only on a terminal. Files are replaced
 whole or not at all. If the reader of a pipe closes it, the program ends without a message.
 ";
+
+const FILES: &str = "
+## Files
+
+What each command reads and writes. It refuses an output that is one of its inputs, by any spelling, link or pattern, before it begins; and it
+replaces no file that it opened as an input.
+
+| command | reads | writes |
+|---|---|---|
+";
+
+/// A row for each command whose arguments name files.
+fn files(command: &Command, words: &str) -> String {
+    let cell = |wanted: &[Use]| {
+        let named = command.get_arguments().filter(|arg| use_of(words, arg).is_some_and(|used| wanted.contains(&used)));
+        named.map(|arg| format!("`{}`", form(arg))).collect::<Vec<_>>().join(", ")
+    };
+    let (reads, writes) = (cell(&[Use::Reads]), cell(&[Use::Writes, Use::WritesInto, Use::Figures]));
+    let mut out = String::new();
+    if !(reads.is_empty() && writes.is_empty()) {
+        out += &format!("| `{words}` | {reads} | {writes} |\n");
+    }
+    for own in command.get_subcommands().filter(|own| !own.is_hide_set() && own.get_name() != "help") {
+        out += &files(own, format!("{words} {}", own.get_name()).trim());
+    }
+    out
+}
 
 const LOGS: &str = "
 ## Logs
@@ -223,7 +253,8 @@ fn form(arg: &Arg) -> String {
     let names = [arg.get_short().map(|s| format!("-{s}")), arg.get_long().map(|l| format!("--{l}"))];
     let names: Vec<String> = names.into_iter().flatten().collect();
     let takes_value = matches!(arg.get_action(), ArgAction::Set | ArgAction::Append);
-    let values = arg.get_value_names().unwrap_or_default().join(" ");
+    // A bar would end the cell of a table.
+    let values = arg.get_value_names().unwrap_or_default().join(" ").replace('|', "\\|");
     match (names.is_empty(), takes_value) {
         (true, _) => format!("<{values}>"),
         (false, true) => format!("{} <{values}>", names.join(", ")),

@@ -11,7 +11,6 @@ use sagnac_units::format::{celsius, significant};
 
 use crate::args::setup::numbers;
 use crate::args::units::UnitsArgs;
-use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table;
 use crate::verbs::verb::Verb;
@@ -72,7 +71,6 @@ impl Verb for Args {
     }
 
     fn run(&self, console: &mut Console) -> Ran {
-        Files::new().reads(&self.setup).reads([&self.prior]).reads([&self.limits]).writes(&self.output).check()?;
         let file = PriorFile::read(&self.prior)?;
         let setup = self.setup.as_deref().map(Setup::read).transpose()?.unwrap_or_default();
         let prior = file.of_unit(self.lot.as_deref()).map_err(|e| e.file(self.prior.display().to_string()))?;

@@ -15,7 +15,7 @@ use sagnac_units::format::{significant, with_sigma};
 use crate::args::report::ReportArgs;
 use crate::args::setup::SetupArgs;
 use crate::args::units::UnitsArgs;
-use crate::files::{Files, loading};
+use crate::files::loading;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::tables::{limits_table, not_replayed};
 use crate::output::terminal::table;
@@ -121,9 +121,7 @@ impl Verb for Args {
 
     fn run(&self, console: &mut Console) -> Ran {
         let sheet = self.sheet.sheet()?;
-        let files =
-            Files::new().reads(&self.retests).reads([&self.correction]).reads(&self.setup.setup).reads(&self.limits);
-        self.report.check_with(files)?;
+        self.report.check_name()?;
         let correction = loading::correction(&self.correction)?;
         let setup = self.setup.over(correction.setup())?;
         let limits = self.limits.as_deref().map(Limits::named_or_read).transpose()?;

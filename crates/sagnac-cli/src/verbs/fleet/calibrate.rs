@@ -61,7 +61,6 @@ impl Verb for Args {
     }
 
     fn run(&self, console: &mut Console) -> Ran {
-        Files::new().reads(&self.setup.setup).reads(&self.prior).check()?;
         fleet::check_output(&self.output, &self.source)?;
         let units = units_of(&self.source)?;
         let logs = units.iter().flat_map(|unit| unit.runs.iter().chain(&unit.retests).chain(&unit.setup));

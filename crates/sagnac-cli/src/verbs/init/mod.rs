@@ -16,7 +16,6 @@ use sagnac_log::setup::ThermometerSetup;
 use sagnac_log::write::write_bytes;
 use sagnac_units::format::{counted, file_name, one_line};
 
-use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::verbs::init::clocks::MendedClock;
 use crate::verbs::init::guesses::{Guess, Guesses, guesses_of, row_s};
@@ -39,7 +38,6 @@ pub(crate) struct Args {
 
 impl Verb for Args {
     fn run(&self, console: &mut Console) -> Ran {
-        Files::new().reads([&self.log]).writes(&self.output).check()?;
         let text = setup_of(&self.log, &sample(&self.log)?);
         match &self.output {
             None => console.say(text.trim_end()),

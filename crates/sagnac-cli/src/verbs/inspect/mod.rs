@@ -12,7 +12,6 @@ use sagnac::calibration::Calibration;
 use crate::args::report::ReportArgs;
 use crate::args::setup::LogArgs;
 use crate::args::units::UnitsArgs;
-use crate::files::Files;
 use crate::files::loading::{self, FileKind};
 use crate::output::calibration::describe;
 use crate::output::console::{Console, Outcome, Ran};
@@ -55,8 +54,7 @@ impl Verb for Args {
     }
 
     fn run(&self, console: &mut Console) -> Ran {
-        let files = Files::new().reads(&self.files).reads(&self.reading.setup.setup).writes(&self.windows);
-        self.report.check_with(files)?;
+        self.report.check_name()?;
         self.windows.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
         let (reading, windows) = (&self.reading, self.windows.as_deref());
         let wanted = Wanted { reading, report: &self.report, units: self.units, windows };

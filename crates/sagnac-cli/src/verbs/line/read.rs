@@ -14,8 +14,8 @@ use sagnac_core::UNBOUNDED;
 use sagnac_log::ingest::hex;
 use sagnac_log::write::write_atomically;
 
+use crate::files::loading;
 use crate::files::pipe::PipeAware;
-use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::verbs::verb::Verb;
 
@@ -57,7 +57,6 @@ const MOST_ANSWERS: usize = 100;
 
 impl Verb for Args {
     fn run(&self, console: &mut Console) -> Ran {
-        Files::new().reads([&self.input]).writes(&self.output).check()?;
         self.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV"))?;
         let mut tally = FrameTally::default();
         match &self.output {

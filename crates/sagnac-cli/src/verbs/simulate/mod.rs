@@ -18,8 +18,8 @@ use sagnac_sim::{
 use sagnac_units::format::significant;
 
 use crate::args::report::ReportArgs;
+use crate::files::loading;
 use crate::files::pipe::PipeAware;
-use crate::files::{Files, loading};
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::progress::SimulatedTime;
 use crate::output::terminal::table;
@@ -65,7 +65,7 @@ impl Verb for Args {
         let Some(path) = &self.scenario else {
             return paper::run(self.seed.unwrap_or(1), &self.report, console);
         };
-        check_files(self, path)?;
+        check_files(self)?;
         let scenario = scenario(self, path)?;
         if self.bode {
             return bode(self, path, &scenario, console);
@@ -95,15 +95,15 @@ impl Verb for Args {
     }
 }
 
-/// Files out are what their names say, apart from each other and from the scenario, and can be written.
-fn check_files(args: &Args, scenario: &Path) -> Result<()> {
+/// Files out are what their names say.
+fn check_files(args: &Args) -> Result<()> {
     args.output.iter().try_for_each(|path| loading::check_output_name(path, "CSV, or Parquet for .parquet"))?;
     let parquet = |path: &&PathBuf| loading::has_extension(path, "parquet");
     if let Some(path) = args.truth.iter().find(parquet) {
         return Err(Error::input("the truth is written as CSV only", "give it the ending .csv")
             .file(path.display().to_string()));
     }
-    args.report.check_with(Files::new().reads([scenario]).writes(&args.output).writes(&args.truth))
+    args.report.check_name()
 }
 
 fn scenario(args: &Args, path: &Path) -> Result<Scenario> {

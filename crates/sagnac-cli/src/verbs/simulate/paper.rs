@@ -17,7 +17,6 @@ use sagnac_sim::{PaperRig, csv_bytes};
 use sagnac_units::format::{significant, with_sigma};
 
 use crate::args::report::ReportArgs;
-use crate::files::Files;
 use crate::output::console::{Console, Outcome, Ran};
 use crate::output::terminal::table;
 
@@ -27,7 +26,7 @@ const PAPER_AFTER: [f64; 4] = [420.0, 429.0, 424.64, 9.0];
 
 /// One run is calibrated, and the run of the next seed proves it.
 pub(super) fn run(seed: u64, report: &ReportArgs, console: &mut Console) -> Ran {
-    report.check_with(Files::new())?;
+    report.check_name()?;
     let rig = PaperRig::PAPER;
     let setup = Setup {
         serial: Some("PAPER-RIG".to_owned()),
