@@ -127,3 +127,39 @@ fn a_short_stack_is_enough() {
         assert_eq!(output.status.code(), limited(at, FREE, line).status.code(), "{line}: {}", said(&output));
     }
 }
+
+/// A real disk of 256 KB that is full: the command says so with the name of its file, the file of before stands, and nothing is left behind.
+#[test]
+fn a_full_disk_keeps_what_it_holds() {
+    let folder = bench();
+    let at = folder.path();
+    fs::write(at.join("log.csv"), log()).unwrap();
+    more(at);
+    fs::create_dir(at.join("disk")).unwrap();
+    let names = "cd disk; ls -A | sort; sha256sum old.json";
+    for (line, file) in [
+        (format!("{} log.csv -o disk/old.json", CALIBRATE.replace("bias-2", "'bias 2'")), "old.json"),
+        (format!("{} log.csv --report disk/new.html", CALIBRATE.replace("bias-2", "'bias 2'")), "new.html"),
+        ("export unit.cal.json --to image -o disk/new.img".to_owned(), "new.img"),
+        ("compensate unit.cal.json log.csv -o disk/new.csv".to_owned(), "new.csv"),
+        ("simulate paper.toml -o disk/new.parquet".to_owned(), "new.parquet"),
+        ("inspect log.csv --arcsec-per-count 0.15125 --windows disk/new.csv".to_owned(), "new.csv"),
+    ] {
+        // The disk is there for this shell alone.
+        let script = format!(
+            "mount -t tmpfs -o size=256k tmpfs disk || exit 99
+             cp unit.cal.json disk/old.json
+             head -c 1000000 /dev/zero > disk/filler 2> /dev/null
+             before=$({names})
+             ./sagnac {line} > /dev/null
+             status=$?
+             test \"$before\" = \"$({names})\" || exit 98
+             exit $status"
+        );
+        let shell = ["--map-root-user", "--mount", "sh", "-c", &script];
+        let output = Command::new("unshare").args(shell).current_dir(at).stdin(Stdio::null()).output().unwrap();
+        let said = said(&output);
+        assert!(output.status.code() == Some(2) && said.contains(file), "{line}: {:?} {said}", output.status);
+        assert!(said.contains("No space left"), "{line}: {said}");
+    }
+}
