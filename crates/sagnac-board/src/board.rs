@@ -581,7 +581,10 @@ mod tests {
         let held = Loaded::new(image, Origin::Newest, [BankReport::Uncommitted; 2], false);
         let mut description = *image.description();
         description.sequence ^= 1 << 20;
-        for upset in [Compensator::new(Image::new(description).unwrap()), board.gyro] {
+        let mut other = *image.description();
+        other.terms[0].mantissa ^= 1;
+        let upsets = [description, other].map(|upset| Compensator::new(Image::new(upset).unwrap()));
+        for upset in [upsets[0], upsets[1], board.gyro] {
             board.gyro = upset;
             board.image_checksum ^= u32::from(upset.image() == &image);
             assert!(!board.is_intact(&setup) && frame(&mut board).status == Status::OK);
