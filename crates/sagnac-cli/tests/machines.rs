@@ -44,8 +44,9 @@ fn log() -> Vec<u8> {
     csv_bytes(chamber.run(5))
 }
 
-/// A simulated test as Parquet, with its setup, and the calibration of the log.
+/// A log and its calibration, and a simulated test as Parquet with its setup.
 fn more(folder: &Path) {
+    fs::write(folder.join("log.csv"), log()).unwrap();
     let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenarios/paper");
     for name in ["paper.toml", "bench.toml"] {
         fs::write(folder.join(name), fs::read(scenario.join(name)).unwrap()).unwrap();
@@ -60,7 +61,6 @@ fn more(folder: &Path) {
 fn one_thread_is_enough() {
     let folder = bench();
     let at = folder.path();
-    fs::write(at.join("log.csv"), log()).unwrap();
     more(at);
     // No second process or thread for this user.
     let only = "--nproc=1";
@@ -120,7 +120,6 @@ fn a_test_of_many_files_needs_few_descriptors() {
 fn a_short_stack_is_enough() {
     let folder = bench();
     let at = folder.path();
-    fs::write(at.join("log.csv"), log()).unwrap();
     more(at);
     for line in ["calibrate run.parquet --setup bench.toml -o out", "inspect unit.cal.json"] {
         let output = limited(at, "--stack=102400", line);
@@ -133,7 +132,6 @@ fn a_short_stack_is_enough() {
 fn a_full_disk_keeps_what_it_holds() {
     let folder = bench();
     let at = folder.path();
-    fs::write(at.join("log.csv"), log()).unwrap();
     more(at);
     fs::create_dir(at.join("disk")).unwrap();
     let names = "cd disk; ls -A | sort; sha256sum old.json";

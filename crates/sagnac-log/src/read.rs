@@ -1,4 +1,4 @@
-//! Files in: every input is opened here, and a small one is read whole, no longer than it can be.
+//! Files in: logs, setups, limits, records and keys are opened here, and small ones read whole, no longer than they can be.
 //!
 //! A setup, limits or a record have some kilobytes. A path may name anything, a device without an end too, and its length may say nothing.
 //!

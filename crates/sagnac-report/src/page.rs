@@ -57,7 +57,7 @@ pub fn calibration_report(calibration: &Calibration, report_data: &ReportData, u
             (plateaus(axis, units))
             (terms::candidates(axis.candidates(), units))
             (terms::model_search(axis.fit.as_ref().map_or(&[], |fit| &fit.model_search), units))
-            (left_out(axis.excluded().iter().collect()))
+            (left_out(&axis.excluded().iter().collect::<Vec<_>>()))
         }
         (provenance(calibration)?)
     };
@@ -110,8 +110,9 @@ pub fn verification_report(
                 (terms::coefficients(record, units))
             }
         }
-        (excluded(&verification.excluded))
-        (replayed(&verification.excluded))
+        @let (of_host, excluded): (Vec<&Tally>, Vec<&Tally>) = verification.excluded.iter().partition(|tally| tally.reason.is_replayed());
+        (left_out(&excluded))
+        (replayed(&of_host))
         h2 { "Provenance" }
         (inputs(&verification.inputs))
         div.scroll { table {
@@ -529,27 +530,21 @@ fn left(axis: &AxisVerification, units: RateUnit) -> Markup {
     }
 }
 
-/// Rows that a replay had no use for.
-fn excluded(tallies: &[Tally]) -> Markup {
-    left_out(tallies.iter().filter(|tally| !tally.reason.is_replayed()).collect())
-}
-
 /// Rows that a calibration leaves out, and a replay corrects as the gyro's processor does.
-fn replayed(tallies: &[Tally]) -> Markup {
-    let replayed: Vec<&Tally> = tallies.iter().filter(|tally| tally.reason.is_replayed()).collect();
+fn replayed(tallies: &[&Tally]) -> Markup {
     html! {
-        @if !replayed.is_empty() {
+        @if !tallies.is_empty() {
             h3 { "Corrected as the gyro does it" }
             p { "A calibration leaves these rows out. The gyro's processor judges them by its own rules, and so did this test." }
-            (reasons(&replayed))
+            (reasons(tallies))
         }
     }
 }
 
-fn left_out(tallies: Vec<&Tally>) -> Markup {
+fn left_out(tallies: &[&Tally]) -> Markup {
     html! {
         h3 { "Left out" }
-        @if tallies.is_empty() { p { "Nothing." } } @else { (reasons(&tallies)) }
+        @if tallies.is_empty() { p { "Nothing." } } @else { (reasons(tallies)) }
     }
 }
 
